@@ -95,10 +95,7 @@ def train(job, args):
     chosen, photos = loaded.views("train"), args.photos or loaded.folder / "images"
     check_inputs(job, loaded, chosen, photos)
     compared = to_truth(loaded, args.truth) if args.truth else None
-    part = base.part_of(job)
-    # Where nothing looks, cameras are learnt from the first step on.
-    learning = bool(job.learns and not job.aligns)
-    method = compose.make_method(job, loaded, learning=learning)
+    method, part = compose.make_method(job, loaded), base.part_of(job)
     params = initial_params(job, method, args.initial)
     shapes = batches.view_shapes(loaded, chosen)
     aligner = part.aligner(loaded, photos, args.checkpoints)

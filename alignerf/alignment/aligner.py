@@ -51,10 +51,12 @@ class Aligner:
         self.method = method or compose.without_cameras(few, to_train=False)
         self.size = scene.loaded.height, scene.loaded.width
         min_px = estimators.METHODS[job.aligns.estimator].min_side_px
+        self.looks = not job.learns or job.learns.min_move_px is not None
         try:
-            self.k = look.factor(self.size, min_px, job.aligns.shrink)
+            k = look.factor(self.size, min_px, job.aligns.shrink) if self.looks else 1
         except ValueError as error:
             raise ValueError(f"{scene.photos}: {error}") from None
+        self.k = k
         self.now = scene.loaded
         self.offsets_px = self.valid = None
         self.report = []
@@ -71,9 +73,9 @@ class Aligner:
         self.identity, self.steps = identity, steps
         self.places = align.places(self.settings, steps)
         if learns := self.job.learns:
-            ends = {LEARN: learns.delay_fraction, HOLD: learns.end_fraction}
-            for kind, share in ends.items():
-                step = max(1, round(share * steps))
+            begin = max(1, round(learns.delay_fraction * steps))
+            end = max(begin + 1, round(learns.end_fraction * steps))
+            for step, kind in ((begin, LEARN), (end, HOLD)):
                 self.places.setdefault(step, []).append(kind)
             self.places = dict(sorted(self.places.items()))
 
@@ -119,26 +121,25 @@ class Aligner:
     def corrected(self, params, step):
         """Entries of the report on what is corrected before a step."""
         kinds, row = self.places[step], {}
-        decides = LEARN in kinds and not self.settings.cameras_at
-        if decides or not {*align.CHANGED}.isdisjoint(kinds):
-            views, seen, corrections = self.seen(params, step)
-            row = {"views": len(views)} | store.flow_length(seen, self.k)
-            if "cameras" in kinds:
-                row |= self.move_cameras(views, corrections)
-            if "photos" in kinds:
-                row |= self.move_photos(seen, corrections)
-            elif row.get("cameras_moved"):
-                # Offsets from renders by other cameras say nothing of these.
-                self.offsets_px = self.valid = None
-        if LEARN in kinds:
-            wrong = self.were_wrong(row)
-            if decides:
-                stay = sum(bool(one.left_alone) for one in corrections)
-                wrong = 2 * stay <= len(corrections)
-            row["learning"] = wrong or self.job.learns.min_move_px is None
         if HOLD in kinds:
-            self.now = self.moved(params)
-            row["learning"] = False
+            self.now, row["learning"] = self.moved(params), False
+        if LEARN in kinds:
+            row["learning"] = True
+        if kinds in ([HOLD], [LEARN]) and not (LEARN in kinds and self.looks):
+            return row
+        views, seen, corrections = self.seen(params, step)
+        row |= {"views": len(views)} | store.flow_length(seen, self.k)
+        if "cameras" in kinds:
+            row |= self.move_cameras(views, corrections)
+        if "photos" in kinds:
+            row |= self.move_photos(seen, corrections)
+        elif row.get("cameras_moved"):
+            # Offsets from renders by other cameras say nothing of these.
+            self.offsets_px = self.valid = None
+        if LEARN in kinds:
+            # A flow that nothing explains does not say that cameras are right.
+            stay = sum(bool(one.left_alone) and one.trusted for one in corrections)
+            row["learning"] = 2 * stay <= len(corrections)
         return row
 
     def seen(self, params, step):
@@ -161,7 +162,7 @@ class Aligner:
             others = [i for i in range(len(views)) if i not in found]
             found |= zip(others, self.look(params, now, others), strict=True)
             seen = [found[i] for i in range(len(views))]
-        asked = "cameras" in self.places[step] or self.places[step] == [LEARN]
+        asked = not {"cameras", LEARN}.isdisjoint(self.places[step])
         return views, seen, self.corrections(seen, step) if asked else None
 
     def probed(self, step):
@@ -210,10 +211,10 @@ class Aligner:
             return AGAIN * self.settings.min_move_px
         return self.settings.min_move_px * max(1.0, SETTLED * self.steps / step)
 
-    def were_wrong(self, *now):
-        """Whether an alignment, of the report or `now`, moved most of the cameras."""
+    def were_wrong(self):
+        """Whether an earlier alignment moved most of the cameras."""
         most = len(self.scene.views) / 2
-        return any(row.get("cameras_moved", 0) >= most for row in (*self.report, *now))
+        return any(row.get("cameras_moved", 0) >= most for row in self.report)
 
     @property
     def learning(self):
@@ -229,7 +230,8 @@ class Aligner:
         """The scene with its cameras of now, aligned and learnt."""
         if not self.learning:
             return self.now
-        return learnt(self.job, self.now, self.scene.loaded, params)
+        scales = scales_of(self.job, self.scene.loaded)
+        return refine.learnt(self.now, params["cameras"], scales)
 
     def move_photos(self, seen, corrections):
         """Set the offsets by which photos are warped; returns entries of the report.
@@ -327,30 +329,20 @@ class InLoop(base.Part):
         )
 
     def aligner(self, loaded, photos, folder):
-        if not self.job.aligns:
-            return None
         scene = look.Scene(loaded, loaded.views("train"), photos)
         return Aligner(self.job, scene, folder)
 
     def moved(self, loaded, params, aligner):
-        if aligner:
-            return aligner.moved(params)
-        return learnt(self.job, loaded, loaded, params)
+        return aligner.moved(params)
 
     def write(self, folder, given, moved, aligner, views, cameras):
         store.write_cameras(folder / "cameras.npz", given, moved, cameras)
-        if aligner:
-            aligner.write(folder, views)
+        aligner.write(folder, views)
 
 
 def scales_of(job, given: prepared.Scene):
     """What the learnt parameters of the training views are multiplied by."""
     return refine.scales_of(refine.views_of(given), job.learns.preconditioned)
-
-
-def learnt(job, now, given: prepared.Scene, params) -> prepared.Scene:
-    """A scene `now` with what a job has learnt of its cameras, first as `given`."""
-    return refine.learnt(now, params["cameras"], scales_of(job, given))
 
 
 def shared(arrays):

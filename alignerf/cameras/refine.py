@@ -104,11 +104,11 @@ def rotated(vectors, turn):
 
 
 def preconditioners(pixtocams, camtoworlds, size, *, seed=0):
-    """[views, 6, 6] that make a unit of each parameter move pixels alike (CamP, Eq. 8).
+    """[views, 6, 6] that make a unit of each parameter move pixels by 1 px (CamP, Eq. 8).
 
-    The inverse square root of J^T J, J the derivative of the pixels of points that a
-    camera of `size` (width, height) sees by its twist, scaled so that its largest
-    entry is one: the learning rate stays that of an angle in radians.
+    Root mean square over the pixels of points that a camera of `size` (width, height)
+    sees: the inverse square root of J^T J, J their derivative by its twist. So one
+    learning rate suits short and long lenses, small photos and large ones.
     """
     rng = np.random.default_rng(seed)
     at = rng.uniform(size=(POINTS, 2)) * size
@@ -121,8 +121,7 @@ def preconditioners(pixtocams, camtoworlds, size, *, seed=0):
         square = jacobian.T @ jacobian / POINTS
         square += np.diag(PAD * np.diag(square) + LEAST)
         values, vectors = np.linalg.eigh(square)
-        root = vectors @ np.diag(values**-0.5) @ vectors.T
-        roots.append(root / np.abs(root).max())
+        roots.append(vectors @ np.diag(values**-0.5) @ vectors.T)
     return np.stack(roots)
 
 

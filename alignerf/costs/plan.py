@@ -33,8 +33,6 @@ SAFE = 1.2
 LENGTH = {"steps", "budget_min", "warmup_steps", "learning_rates"}
 UNTIMED = {"stage", "pretrain_fraction", "align", "pose_optimization", "auto"}
 UNTIMED |= {"decisions"}
-# What a step takes besides, from where on cameras are learnt.
-LEARNING = 0.25
 
 
 class Rates(NamedTuple):
@@ -198,7 +196,7 @@ def loop_of(job, rate: Rates, pixel_s, flow: Flow, views: Views):
     seconds = job.steps * rate.step_s if minutes is None else 60 * minutes
     if job.learns:
         # As if cameras were wrong, which nobody knows yet.
-        seconds *= 1 + LEARNING * (1 - job.learns.delay_fraction)
+        seconds *= job.learns.mean_step if minutes is None else 1
     if not job.aligns:
         return seconds, 0
     share = 1 / max(1, min(job.aligns.shrink, views.side // FLOW_SIDE)) ** 2
@@ -207,7 +205,9 @@ def loop_of(job, rate: Rates, pixel_s, flow: Flow, views: Views):
     looks = max(len(places), 1) * views.train
     look_s = share * (views.pixels * pixel_s + flow.view_s)
     size = (RGB_BYTES + share * ALIGNED_BYTES) * views.train * views.pixels
-    return seconds + rate.compile_s + looks * look_s, ALIGNER_BYTES + int(size)
+    # Its renderer and, where cameras are learnt, another step are compiled.
+    compile_s = rate.compile_s * (1 + bool(job.learns))
+    return seconds + compile_s + looks * look_s, ALIGNER_BYTES + int(size)
 
 
 def length_of(work, rates, views: Views):

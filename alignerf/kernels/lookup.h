@@ -5,7 +5,6 @@
 
 #include <algorithm>
 #include <cstdint>
-#include <cstring>
 #include <vector>
 
 #include "xla/ffi/api/ffi.h"
@@ -192,7 +191,7 @@ inline ffi::Error Backward(Array table, Array points, Array share, Array grad, R
   const int features = int(out->dimensions()[1]);
   const bool moving = of_points->element_count() > 0;
   for (Result* made : {&out, &of_points, &of_share})
-    std::memset((*made)->typed_data(), 0, (*made)->size_bytes());
+    std::fill_n((*made)->typed_data(), (*made)->element_count(), 0.0f);
   const auto kernel =
       features == 4 ? backward<4> : features == 2 ? backward<2> : backward<0>;
   kernel(points.typed_data(), share.typed_data(), grad.typed_data(), out->typed_data(),

@@ -1,6 +1,7 @@
 """Adjust: trained as a plain method is, by cameras that bundle adjustment corrected.
 
-With `align` or `pose_optimization` beside it, that one trains it, from such cameras.
+With `align`, `pose_optimization` or `auto` beside it, that one trains it, from such
+cameras.
 """
 
 from alignerf.experiment import layout
@@ -12,13 +13,13 @@ class Adjusted(base.Method):
     """A method with `adjust`."""
 
     key, order = "adjust", 3
-    beside = (*base.Method.beside, "align", "pose_optimization")
+    beside = (*base.Method.beside, "align", "pose_optimization", "auto")
     annotation = bool
     example = "adjust: true"
     field = keys.key(
         False,
         "it trains with cameras that bundle adjustment has corrected, beside methods "
-        "that train with the scene's; alone, or beside align or refine",
+        "that train with the scene's; or beside align, pose_optimization, auto",
     )
 
     def cameras(self, experiment, scene):

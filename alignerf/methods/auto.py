@@ -28,6 +28,7 @@ class Automatic(align.Aligned):
     """A method with `auto`."""
 
     key, Keys, order = "auto", None, 6
+    systems = pose_optimization.METHOD.systems
     annotation = bool
     example = "auto: true"
     what = "one look by flow; where cameras are wrong, they are corrected, then learnt"

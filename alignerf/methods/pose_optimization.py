@@ -8,11 +8,16 @@ from alignerf.experiment import jobs
 from alignerf.experiment.keys.key import Keys, key, learning_rates
 from alignerf.methods import align, base
 
+# Of the steps: renders before are too blurred for a look.
+MIN_LOOK = 0.1
+# What a step that learns the cameras takes besides, of a plain step.
+MORE_TIME = 0.25
+
 
 class PoseOptimization(Keys):
     """Poses optimized with the scene, as BARF and CamP do."""
 
-    learning_rates: list[float] = learning_rates(0.001, 0.00001)
+    learning_rates: list[float] = learning_rates(0.08, 0.0008)
     delay_fraction: float = key(
         0.2, "of the steps before the cameras may move", least=0, most=0.99
     )
@@ -30,14 +35,16 @@ class PoseOptimization(Keys):
         most=100,
     )
     prior_weight: float = key(
-        3.0,
+        0.00045,
         "of the mean square of turns and steps, in the loss: keeps the cameras where "
         "they came from as far as photos do not tell otherwise",
         least=0,
         most=1e6,
     )
     preconditioned: bool = key(
-        True, "turns and steps in units that move pixels alike, as CamP"
+        True,
+        "turns and steps in units that move pixels by 1 px, as CamP; else in radians "
+        "and in units of the normalised scene, which need other learning_rates",
     )
     coarse_to_fine: list[float] | None = key(
         None,
@@ -48,10 +55,21 @@ class PoseOptimization(Keys):
         length=(2, 2),
     )
 
+    @property
+    def mean_step(self):
+        """Times a plain step: the mean step of a training whose cameras are wrong."""
+        return 1 + MORE_TIME * (self.end_fraction - self.delay_fraction)
+
     @pydantic.model_validator(mode="after")
     def check_shares(self):
         if self.end_fraction <= self.delay_fraction:
-            raise ValueError("end_fraction: not after delay_fraction")
+            default = self.default("end_fraction")
+            raise ValueError(f"end_fraction ({default} if none): not after the delay")
+        if self.min_move_px is not None and self.delay_fraction < MIN_LOOK:
+            raise ValueError(
+                f"delay_fraction: before {MIN_LOOK} of the steps a look tells nothing: "
+                "with min_move_px: null there is none"
+            )
         shares = self.coarse_to_fine
         if shares and not shares[0] < shares[1] < 1:
             raise ValueError("coarse_to_fine: two shares, first < last < 1")
@@ -68,11 +86,10 @@ class Job(jobs.Full):
 
     @property
     def aligns(self):
-        """It looks once, and moves nothing by what it sees."""
-        if self.learns.min_move_px is None:
-            return None
+        """It looks once, or never, and moves nothing by what it sees."""
         looks = {"cameras_at": [], "photos_at": []}
-        looks["min_move_px"] = self.learns.min_move_px
+        if self.learns.min_move_px is not None:
+            looks["min_move_px"] = self.learns.min_move_px
         return align.Align().model_copy(update=looks)
 
     @property

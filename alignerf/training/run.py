@@ -13,7 +13,7 @@ import numpy as np
 
 from alignerf.experiment import jobs
 from alignerf.processes import consensus, devices
-from alignerf.training import checkpoint, diagnose, program
+from alignerf.training import checkpoint, diagnose, memory, program
 
 
 @dataclasses.dataclass
@@ -46,7 +46,9 @@ class Run:
         state = devices.local(self.state)
         check_finite(state)
         facts = {"identity": self.identity, "time_s": self.time_s()}
-        facts |= {"micro_batches": self.program.micro_batches, "final": self.numbers}
+        # Of both programs that of the first, with which a run begins anew.
+        first = self.aside[1] if self.aligner.learning else self.program
+        facts |= {"micro_batches": first.micro_batches, "final": self.numbers}
         if consensus.is_first():
             checkpoint.save(self.checkpoints, state, **facts)
 
@@ -73,7 +75,11 @@ class Run:
         """(method, program) that learn the cameras too."""
         method, parts = self.aligner.learning_method(), self.program.micro_batches
         shapes = jax.eval_shape(lambda *both: both, self.state.params, self.views)
-        built = program.build(self.job, method, *shapes, micro_batches=parts)
+        # Adam's moments are there already.
+        there = memory.tree_bytes(self.state.optimizer)
+        built = program.build(
+            self.job, method, *shapes, micro_batches=parts, to_come=-there
+        )
         return method, built
 
     def look(self, stats):

@@ -153,7 +153,7 @@ def test_the_cameras_that_its_renders_are_seen_by_lie_with_it(
 
 
 def test_cameras_that_were_learnt_lie_with_the_training(folder, tmp_path):
-    job = cases.JOB | {"pose_optimization": {"delay_fraction": 0.0}}
+    job = cases.JOB | {"pose_optimization": {"min_move_px": None}}
     cases.run(folder, tmp_path, job)
     given, learnt = (
         prepared.read_cameras(place / "cameras.npz")

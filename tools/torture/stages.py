@@ -63,7 +63,11 @@ def trained(words):
     if "alignerf.train" not in words:
         return ()
     job = json.loads(words[words.index("--config") + 1])
-    chosen = (key for key in ("pose_optimization", "align", "alignerf") if job.get(key))
+    chosen = (
+        key
+        for key in ("pose_optimization", "align", "auto", "alignerf")
+        if job.get(key)
+    )
     return (job["stage"], *chosen)
 
 

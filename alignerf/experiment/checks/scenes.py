@@ -1,5 +1,6 @@
 """Scenes: what a source allows, and that its folders are there."""
 
+from alignerf import methods
 from alignerf.captures import base
 from alignerf.experiment import schema
 from alignerf.experiment.checks.common import check_path_variable, fault, is_there
@@ -60,8 +61,9 @@ def check_crops(config):
         if (parent["source"], parent["path"]) != (scene["source"], scene["path"]):
             fault(f"{where}.of", f"{of} has another source or path than {name}")
         method = capture.cameras_by(scene)
-        if method and not config["methods"].get(method, {}).get("align"):
-            fault(f"{where}.cameras", f"{method} is no method with `align`")
+        own = config["methods"].get(method)
+        if method and not (own and methods.of_method(own).in_loop):
+            fault(f"{where}.cameras", f"{method} is no method that aligns in its loop")
 
 
 def check_path(scene, name):

@@ -97,7 +97,10 @@ def test_preconditioned_parameters_move_pixels_alike(views):
         values = np.linalg.eigvalsh(square)
         spread.append(values[-1] / values[0])
     assert spread[1] < 5 < spread[0]
-    assert np.abs(scales).max() == pytest.approx(1)
+    # By one px at most, and not by much less where the padding counts.
+    moved_px = np.sqrt(((jacobian @ scales[1]) ** 2).sum(axis=0) / 400)
+    assert (moved_px < 1.1).all()
+    assert (moved_px > 0.5).all()
     np.testing.assert_array_equal(refine.scales_of(views, False)[0], np.eye(6))
 
 

@@ -319,7 +319,7 @@ def ray_gradient_of(kind):
     job = pose_optimization.Job(
         **dict(job), pose_optimization=pose_optimization.PoseOptimization()
     )
-    method = compose.without_cameras(job, to_train=True)
+    method = compose.without_cameras(job, to_train=True, learning=True)
 
     def total(params, origins, directions, rays):
         moved = rays._replace(origins=origins, directions=directions)
