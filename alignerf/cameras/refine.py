@@ -104,7 +104,7 @@ def rotated(vectors, turn):
 
 
 def preconditioners(pixtocams, camtoworlds, size, *, seed=0):
-    """[views, 6, 6] that make a unit of each parameter move pixels by 1 px (CamP, Eq. 8).
+    """[views, 6, 6] that make a unit of a parameter move pixels by 1 px (CamP, Eq. 8).
 
     Root mean square over the pixels of points that a camera of `size` (width, height)
     sees: the inverse square root of J^T J, J their derivative by its twist. So one
