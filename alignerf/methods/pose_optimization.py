@@ -64,7 +64,7 @@ class PoseOptimization(Keys):
     def check_shares(self):
         if self.end_fraction <= self.delay_fraction:
             default = self.default("end_fraction")
-            raise ValueError(f"end_fraction ({default} if none): not after the delay")
+            raise ValueError(f"end_fraction: not after the delay ({default} if none)")
         if self.min_move_px is not None and self.delay_fraction < MIN_LOOK:
             raise ValueError(
                 f"delay_fraction: before {MIN_LOOK} of the steps a look tells nothing: "

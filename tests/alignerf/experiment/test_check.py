@@ -109,6 +109,16 @@ def edit(config, where, value):
             {"model": "base", "pose_optimization": {"coarse_to_fine": [0.5, 0.1]}},
             "methods.joint.pose_optimization.coarse_to_fine: two shares, first < last",
         ),
+        (
+            "methods.joint",
+            {"model": "base", "pose_optimization": {"delay_fraction": 0.7}},
+            "methods.joint.pose_optimization.end_fraction: not after the delay .0.6 if",
+        ),
+        (
+            "methods.joint",
+            {"model": "base", "pose_optimization": {"delay_fraction": 0.05}},
+            "methods.joint.pose_optimization.delay_fraction: before 0.1 of the steps",
+        ),
         ("scenes.published", {"source": "courtyard"}, "scenes.published: a file of"),
         ("scenes.mine", {"source": "photos", "path": "a{b}"}, "scenes.mine.path: a{b}"),
         ("reference.method", "nerf", "reference.method: no method 'nerf'"),
