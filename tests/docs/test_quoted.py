@@ -11,6 +11,7 @@ from alignerf.page import photos
 # An answer to how long the demo takes, as README gives it.
 COST = re.compile(r"\d+ to\s+\d+\s+min")
 BOTH = "poses wrong, objects move"
+AUTO = "auto: corrected by flow, then optimized"
 
 
 @pytest.fixture
@@ -34,11 +35,11 @@ def measured(root):
 
 
 def test_gains_that_are_advised_with_are_those_measured(measured):
-    way = {"scene": BOTH, "method": "aligned in the loop"}
+    way = {"scene": BOTH, "method": AUTO}
     moved = {"condition": "objects move", "remedy": "photos warped once, from scratch"}
     assert {
-        "ALIGNED_DB": measured("in_loop", "equal_db", share=1, **way),
-        "ALIGNED_TWICE_DB": measured("in_loop", "equal_db", share=2, **way),
+        "AUTO_DB": measured("in_loop", "equal_db", share=1, **way),
+        "AUTO_TWICE_DB": measured("in_loop", "equal_db", share=2, **way),
         "LONGER_DB": measured("tradeoff", "difference_db", setting="4000 steps"),
         "WARPED_MOTION_DB": measured("remedies_steps", "gain_db", **moved),
         "WARPED_MOTION_TWICE_DB": measured("remedies", "gain_db", budget=2, **moved),
@@ -53,24 +54,9 @@ def test_gains_that_are_advised_with_are_those_measured(measured):
 def test_pages_quote_the_same_gains(page_of, measured):
     brought = r"it brought ([\d.]+) dB in the seconds of one training, ([\d.]+) dB in"
     found = re.findall(brought, page_of("docs/evidence/verdict.md"))
-    way = {"scene": BOTH, "method": "aligned in the loop"}
+    way = {"scene": BOTH, "method": AUTO}
     wanted = [measured("in_loop", "equal_db", share=n, **way) for n in (1, 2)]
     assert found == [tuple(f"{db:.1f}" for db in wanted)]
-
-
-def test_what_the_page_on_alignment_says_it_brings_was_measured(page_of, measured):
-    text = page_of("docs/explain/alignment.md")
-    rows = {
-        "poses wrong by 1.5 px, objects move": BOTH,
-        "nothing wrong": "nothing wrong",
-    }
-    for scene, of in rows.items():
-        way = {"scene": of, "method": "aligned in the loop"}
-        gain = measured("in_loop", "gain_db", share=1, **way)
-        equal = [measured("in_loop", "equal_db", share=n, **way) for n in (1, 2)]
-        cells = [f"{abs(db):.1f}" for db in (gain, *equal)]
-        found = re.search(rf"\| {scene} \| (.*?) dB \| (.*?) dB \| (.*?) dB \|", text)
-        assert [cell.lstrip("+-") for cell in found.groups()] == cells
 
 
 def test_the_verdict_that_is_quoted_is_that_of_the_picture(root):
