@@ -40,7 +40,9 @@ def checked(config, files=()):
     for name, scene in config["scenes"].items():
         scenes.check_scene(scene, "scenes", name)
         scenes.check_path(scene, name)
-    scenes.check_crops(config)
+    every = config["methods"].items()
+    in_loop = [name for name, one in every if methods.of_method(one).in_loop]
+    scenes.check_crops(config, in_loop)
     names.check_published(config)
     check_flow(config["flow"], config["methods"])
     check_weights(config)

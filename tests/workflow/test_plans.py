@@ -53,12 +53,14 @@ def expected_jobs(config):
     shared = shared_of(config)
     # Crops: as given, and with cameras corrected; each is trained once.
     methods = config.get("methods", {}).values()
-    sets = scenes * (1 + any("align" in m for m in methods)) * ("crops" in config)
+    corrected = any({"align", "auto"} & m.keys() for m in methods)
+    sets = scenes * (1 + corrected) * ("crops" in config)
+    named = sum("crop" in scene for scene in config["scenes"].values())
     return {
         # Staged methods of a model share the first of their two trainings.
-        "train": scenes * (plain + models + staged) + sets - shared,
-        "render": scenes * (plain + staged) + sets - shared,
-        "align": scenes * (plain + staged) + sets - shared,
+        "train": scenes * (plain + models + staged) + sets + named - shared,
+        "render": scenes * (plain + staged) + sets + named - shared,
+        "align": scenes * (plain + staged) + sets + named - shared,
         "testset": scenes,
         "control_sets": scenes,
         "facts": scenes + sets,
@@ -85,7 +87,9 @@ def expected_files(config):
 def counts_of(config):
     """Scenes; of each its staged methods, their models, and all other trainings."""
     default = {"mipnerf360": {"rounds": 2}, "alignerf": {"alignerf": {}}}
-    scenes, methods = len(config["scenes"]), config.get("methods", default).values()
+    methods = config.get("methods", default).values()
+    # Crops of a scene are made for its verdict, or by name.
+    scenes = sum("crop" not in scene for scene in config["scenes"].values())
     others = {"alignerf", "warm_start", "align"}
     plain = [m.get("rounds", 0) for m in methods if not others & m.keys()]
     aligning = sum("align" in m for m in methods)
@@ -96,13 +100,10 @@ def counts_of(config):
 
 
 def shared_of(config):
-    """Trainings with adjusted cameras that equal one with the scene's.
-
-    Crops have their scene's cameras, and adjusted poses are adjusted already.
-    """
+    """Trainings with adjusted cameras that equal one with the scene's, already so."""
     methods = config.get("methods", {}).values()
     scenes = config["scenes"].values()
-    same = sum("crop" in s or s.get("poses") == "adjusted" for s in scenes)
+    same = sum("crop" not in s and s.get("poses") == "adjusted" for s in scenes)
     return same * sum("adjust" in m for m in methods)
 
 

@@ -48,7 +48,7 @@ METHODS = {
     "true": "true poses",
 }
 # Scenes of which one tells how long trainings of the other take.
-AS_LONG = {"poses_only": "both_wrong", "motion_only": "nothing_wrong"}
+AS_LONG = {"both_wrong": "poses_only", "nothing_wrong": "motion_only"}
 # Times the plain training's steps.
 BUDGETS = (1, 2)
 ENDS = ("db", "low_db", "high_db")
@@ -77,7 +77,8 @@ def timed(rows, quiet):
 
     Looks and adjusting take as long whatever the length; steps in proportion to it.
     """
-    of = quiet.groupby(["scene", "method"])[["train_s", "align_s"]].median()
+    of = quiet[quiet["share"] == 1].groupby(["scene", "method"])
+    of = of[["train_s", "align_s"]].median()
     scenes = rows["scene"].replace(AS_LONG)
     own = of.loc[
         list(zip(scenes, rows["method"].replace("true", "plain"), strict=True))
@@ -205,7 +206,9 @@ def at_equal_time(rows, seed, share, method, score):
     time_s = plain[share][0]
     if len(own_points) == 1 < len(plain):
         time_s = max(time_s, *(seconds for seconds, _ in own_points.values()))
-    # One that is done before the time is up has what it has.
+    elif max(own_points) < share:
+        return None
+    # One that is done a little before the time is up has what it has.
     last_s = max(seconds for seconds, _ in own_points.values())
     found = at_time(own_points, min(time_s, last_s))
     other = at_time(plain, time_s)

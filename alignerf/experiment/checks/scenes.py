@@ -1,6 +1,5 @@
 """Scenes: what a source allows, and that its folders are there."""
 
-from alignerf import methods
 from alignerf.captures import base
 from alignerf.experiment import schema
 from alignerf.experiment.checks.common import check_path_variable, fault, is_there
@@ -49,8 +48,11 @@ def check_scene(scene, *place):
         fault(f"{where}{key}", reason)
 
 
-def check_crops(config):
-    """Scenes and methods that crops are of are in the config."""
+def check_crops(config, in_loop):
+    """Scenes and methods that crops are of are in the config.
+
+    in_loop: names of the methods that align in their loop.
+    """
     for name, scene in config["scenes"].items():
         capture, where = base.of(scene), f"scenes.{name}.crop"
         if not (of := capture.parent(scene)):
@@ -61,8 +63,7 @@ def check_crops(config):
         if (parent["source"], parent["path"]) != (scene["source"], scene["path"]):
             fault(f"{where}.of", f"{of} has another source or path than {name}")
         method = capture.cameras_by(scene)
-        own = config["methods"].get(method)
-        if method and not (own and methods.of_method(own).in_loop):
+        if method and method not in in_loop:
             fault(f"{where}.cameras", f"{method} is no method that aligns in its loop")
 
 

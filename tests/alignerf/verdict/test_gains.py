@@ -29,6 +29,7 @@ MOVES = {
     "adjusted_poses": (ONE | {"adjust": True}, ["c"]),
     "aligned": (ONE | {"align": {}}, ["cp"]),
     "still_photos": (ONE | {"align": {"photos_at": []}}, ["c"]),
+    "corrected": (ONE | {"auto": True}, ["c"]),
     "still_cameras": (ONE | {"align": {"cameras_at": []}}, ["p"]),
     "program": (EXTERNAL | BOTH, ["", "c", "cp"]),
     "given": ({}, [""]),
