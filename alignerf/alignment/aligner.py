@@ -52,11 +52,11 @@ class Aligner:
         self.size = scene.loaded.height, scene.loaded.width
         min_px = estimators.METHODS[job.aligns.estimator].min_side_px
         self.looks = not job.learns or job.learns.min_move_px is not None
+        shrink = job.aligns.shrink
         try:
-            k = look.factor(self.size, min_px, job.aligns.shrink) if self.looks else 1
+            self.k = look.factor(self.size, min_px, shrink) if self.looks else 1
         except ValueError as error:
             raise ValueError(f"{scene.photos}: {error}") from None
-        self.k = k
         self.now = scene.loaded
         self.offsets_px = self.valid = None
         self.report = []
@@ -125,7 +125,7 @@ class Aligner:
             self.now, row["learning"] = self.moved(params), False
         if LEARN in kinds:
             row["learning"] = True
-        if kinds in ([HOLD], [LEARN]) and not (LEARN in kinds and self.looks):
+        if {*align.CHANGED, *([LEARN] * self.looks)}.isdisjoint(kinds):
             return row
         views, seen, corrections = self.seen(params, step)
         row |= {"views": len(views)} | store.flow_length(seen, self.k)

@@ -100,8 +100,8 @@ def make_optimizer(
     def between(step):
         begin, end = cameras.delay_fraction, cameras.end_fraction
         passed = (step * inverse(schedule["steps"]) - begin) / (end - begin)
-        first, last = jnp.log(jnp.array(cameras.learning_rates))
-        rate = jnp.exp((1 - passed) * first + passed * last)
+        first, last = cameras.learning_rates
+        rate = learning_rate(passed, first=first, last=last, steps=1, warmup_steps=0)
         return jnp.where((passed >= 0) & (passed < 1), rate, 0.0)
 
     learnt = optax.chain(

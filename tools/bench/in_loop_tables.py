@@ -147,9 +147,11 @@ def answer_of(rows):
                     for seed, one in own.items()
                 ]
             for kind, gains in of.items():
-                columns += [f"{name}_{kind}_{end}" for end in ENDS]
+                # The word before `low` is the first one, as in all tables.
+                ends = [f"{end}{kind}_db" for end in ("", "low_", "high_")]
+                columns += [f"{name}_{end}" for end in ends]
                 if gains and all(gain is not None for gain in gains):
-                    line |= with_ends(f"{name}_{kind}", gains, "oracle_db")
+                    line |= with_ends(name, gains, "oracle_db", ends)
         lines.append(line)
     return pd.DataFrame(lines, columns=["remedy", *dict.fromkeys(columns)])
 
@@ -165,10 +167,10 @@ def at_equal_steps(rows, method):
     return found - scores("plain", 1) if len(found) else None
 
 
-def with_ends(name, gains, score):
+def with_ends(name, gains, score, ends=ENDS):
     """{column: mean and ends of its interval} of gains [seeds] of [views]."""
     values = np.mean([gain.mean() for gain in gains]), *interval(gains, score)
-    return dict(zip([f"{name}_{end}" for end in ENDS], values, strict=True))
+    return dict(zip([f"{name}_{end}" for end in ends], values, strict=True))
 
 
 def interval(gains, score):

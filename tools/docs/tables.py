@@ -152,16 +152,11 @@ class Value:
         return INTERVALS[kind](float(text), *self.ends(), number)
 
     def ends(self):
-        """Least and largest; of `a_db` they stand in `a_low_db` and `a_high_db`.
-
-        Of `a_b_db` in those of either underscore.
-        """
-        for first, _, unit in (self.name.partition("_"), self.name.rpartition("_")):
-            parts = [filter(None, (first, end, unit)) for end in ("low", "high")]
-            found = [self.row.get("_".join(names)) for names in parts]
-            if all(found):
-                return [float(end) for end in found]
-        return [None, None]
+        """Least and largest; of `a_db` they stand in `a_low_db` and `a_high_db`."""
+        first, _, unit = self.name.partition("_")
+        names = ("_".join(filter(None, (first, end, unit))) for end in ("low", "high"))
+        found = [self.row.get(name) for name in names]
+        return [float(end) for end in found] if all(found) else [None, None]
 
 
 def difference(value, low, high, number):
