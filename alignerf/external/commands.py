@@ -132,8 +132,35 @@ def run(words, *, cores=1) -> float:
     kept = set(psutil.Process().children(recursive=True))
     print(faults.one_line(shlex.join(words)), flush=True)
     begun_s, asked, tail = time.perf_counter(), [], bytearray()
+    # Before it starts: what it leaves behind outlives a signal that comes just then.
+    before = {one: signal.signal(one, lambda n, _: asked.append(n)) for one in ENDING}
     try:
-        process = subprocess.Popen(
+        process = opened(words, cores)
+        copying = threading.Thread(target=copy, args=(process, tail), daemon=True)
+        copying.start()
+        try:
+            while process.poll() is None and not asked:
+                time.sleep(POLL_S)
+            took_s = time.perf_counter() - begun_s
+        finally:
+            end(process, kept)
+            copying.join(1.0)
+    finally:
+        for one, handler in before.items():
+            signal.signal(one, handler)
+    if asked:
+        # As the signal does where nothing handles it.
+        signal.signal(asked[0], signal.SIG_DFL)
+        os.kill(os.getpid(), asked[0])
+    if process.returncode != 0:
+        raise ValueError(f"{words[0]} {ending(process.returncode)}{said(tail)}")
+    return took_s
+
+
+def opened(words, cores):
+    """A command, started; ValueError in one line where it cannot be."""
+    try:
+        return subprocess.Popen(
             words,
             stdin=subprocess.DEVNULL,
             stdout=subprocess.PIPE,
@@ -148,25 +175,6 @@ def run(words, *, cores=1) -> float:
     except (OSError, ValueError) as error:
         reason = getattr(error, "strerror", None) or error
         raise ValueError(f"{words[0]}: {reason}") from None
-    copying = threading.Thread(target=copy, args=(process, tail), daemon=True)
-    copying.start()
-    before = {one: signal.signal(one, lambda n, _: asked.append(n)) for one in ENDING}
-    try:
-        while process.poll() is None and not asked:
-            time.sleep(POLL_S)
-        took_s = time.perf_counter() - begun_s
-    finally:
-        end(process, kept)
-        copying.join(1.0)
-        for one, handler in before.items():
-            signal.signal(one, handler)
-    if asked:
-        # As the signal does where nothing handles it.
-        signal.signal(asked[0], signal.SIG_DFL)
-        os.kill(os.getpid(), asked[0])
-    if process.returncode != 0:
-        raise ValueError(f"{words[0]} {ending(process.returncode)}{said(tail)}")
-    return took_s
 
 
 def copy(process, tail):
