@@ -30,8 +30,8 @@ from alignerf.scenes.external import views
 # From OpenCV's axes to OpenGL's, and back.
 FLIP = np.diag([1.0, -1.0, -1.0, 1.0])
 NAME, MODES = "diagnosed", ("camera_to_world", "world_to_camera")
-# The gauge of wrong poses, and levels of causes that are named.
-POSES, NAMED = "camera", ("sure", "likely")
+# The causes that corrected cameras cure, and levels of causes that are named.
+POSES, NAMED = ("camera", "focal", "lens_shift"), ("sure", "likely")
 # What exports from the folder that is no more.
 EXPORT = f"make export SCENE={NAME}"
 LINK = re.compile(r'<a href="[\w/.]+"[^>]*>(.*?)</a>', re.DOTALL)
@@ -283,7 +283,7 @@ def report_of(work, paths, cores):
         )
         for one in found["causes"]
     ]
-    wrong = any(one.name == POSES and one.level in NAMED for one in causes)
+    wrong = any(one.name in POSES and one.level in NAMED for one in causes)
     corrected = wrong and "cameras" in paths
     cameras = None
     if corrected:

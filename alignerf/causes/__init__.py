@@ -7,8 +7,11 @@ cause takes. Thresholds were chosen on variants of courtyard with one fault each
 pairs of faults and on real captures: docs/evidence/verdict.md.
 """
 
+import functools
+import graphlib
 import sys
 
+from alignerf.causes import pairs
 from alignerf.io.environment import extensions
 
 
@@ -18,8 +21,46 @@ def every():
 
 
 def find(e):
-    """A `base.Finding` of each cause that applies to an Evidence, the gravest first."""
-    by_gravity = sorted(every(), key=lambda cause: cause.order[1])
-    found = [finding for cause in by_gravity if (finding := cause.find(e))]
-    # Too many pairs that are none, the gravest of all, say that nothing else can be.
-    return found[:1] if e.pairs.stops else found
+    """A `base.Finding` of each cause that applies to an Evidence, the gravest first.
+
+    Causes compete: what one explains is no evidence for another (`spoilt`).
+    """
+    if e.pairs.stops:
+        # Too many pairs that are none: nothing else can be told.
+        return [pairs.CAUSE.find(e)]
+    found = []
+    for cause in in_turn():
+        finding = cause.find(e)
+        if finding and cause.name not in spoilt(e, found):
+            found.append(finding)
+    return sorted(found, key=lambda finding: finding.cause.order[1])
+
+
+@functools.cache
+def in_turn():
+    """All causes, each after those that explain it, the gravest first."""
+    by_name = {cause.name: cause for cause in sorted(every(), key=lambda c: c.order[1])}
+    before = {name: set() for name in by_name}
+    for cause in by_name.values():
+        for name in set(cause.explains) & set(by_name):
+            before[name].add(cause.name)
+    return [by_name[name] for name in graphlib.TopologicalSorter(before).static_order()]
+
+
+def spoilt(e, findings):
+    """{name: the `base.Finding` that spoils its evidence} of causes that are not told.
+
+    A cause that stands by other evidence is told.
+    """
+    explained = {
+        name: finding
+        for finding in reversed(findings)
+        if finding.cause.explains and finding.cause.explains_now(e)
+        for name in finding.cause.explains
+    }
+    by_name = {cause.name: cause for cause in in_turn()} if explained else {}
+    return {
+        name: finding
+        for name, finding in explained.items()
+        if name in by_name and not by_name[name].stands(e)
+    }

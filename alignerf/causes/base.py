@@ -9,8 +9,8 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import NamedTuple
 
-from alignerf.causes import shift
 from alignerf.metrics import pairs as of_pairs
+from alignerf.sfm.lens import Lens
 
 
 class Matches(NamedTuple):
@@ -19,6 +19,8 @@ class Matches(NamedTuple):
     accepted: whether held-out matches gain by it, their error going from before_px to
     after_px; applied: whether the scene has the adjusted cameras. pose_error_px,
     worst_px: how far the input cameras were from these, in the median and worst view.
+    lens: what another lens alone explains, the input poses held; left: the same of the
+    adjusted ones.
     """
 
     accepted: bool
@@ -27,6 +29,8 @@ class Matches(NamedTuple):
     after_px: float
     pose_error_px: float
     worst_px: float
+    lens: Lens | None = None
+    left: Lens | None = None
 
 
 class Crops(NamedTuple):
@@ -90,6 +94,7 @@ class Evidence(NamedTuple):
     epochs: float
     detail_median: float
     blurred_fraction: float
+    # By what each photo is brighter than its render, beside what all are.
     exposure_ev: float
     # The same by points that photos share.
     shared_ev: float
@@ -98,8 +103,15 @@ class Evidence(NamedTuple):
     distortion_px: float
     distortion_errors: float
     photo_width_px: float = math.nan
-    # How much brighter the median photo is than its render, in stops.
-    darker_ev: float = math.nan
+    # Detail of renders over photos, the finest octave first (`metrics.spectrum`).
+    octaves: tuple = (math.nan,) * 5
+    # Of all renders alike (`metrics.tone`).
+    tone_gain_ev: float = math.nan
+    tone_gamma: float = math.nan
+    tone_white_ev: float = math.nan
+    # Photos that lie there twice; views that a floater hides a part of.
+    copies: int = 0
+    hidden_views: int = 0
     # Whether the poses came with the photos, and the error that was put into them.
     poses_given: bool = False
     perturb_px: float = 0.0
@@ -124,14 +136,16 @@ class Cause:
     named, beyond `sure_limit`, else twice the limit, it is sure. more_is_better: below
     these. scale: times which both are in `unit`. decide: (size, whether it is sure) of
     an Evidence, or None: in place of value and limit, where these are not all.
-    by_flow: renders of too short a training do not tell it. detectable: whether the
-    run of an Evidence tells it, where more decides that. looked_for: whether it is
-    shown at all. says: of an Evidence, what stands behind the label.
+    explains: names of causes whose evidence this one spoils where it is found, and
+    `explains_now` says so of an Evidence: they are not told then, because `spoils`,
+    unless they `stand` by other evidence.
+    detectable: whether the run of an Evidence tells it. looked_for: whether it is shown
+    at all. says: of an Evidence, what stands behind the label.
     called: a phrase for the headline; {probably} is empty where the cause is sure.
     sentence: with its number: {e}, {probably}, {value}, {px} is the value as a length;
     or a function of Evidence and {probably}.
     advice: what to do; or a function of Evidence and gains (`remedies.Gain`), of
-    nothing where this run has tried that in vain. advice_external: the same where
+    nothing where this run has tried that in vain. advice_external: as advice, where
     another program was trained; {export} writes corrected photos and cameras.
     seen_by_points: what is only probable counts also where photos are too few.
     order: its places, among gauges; among what is named, the gravest first; and among
@@ -146,13 +160,16 @@ class Cause:
     called: str
     sentence: str | Callable
     advice: str | Callable
-    advice_external: str = ""
+    advice_external: str | Callable = ""
     sure_limit: float | None = None
     more_is_better: bool = False
     scale: Callable = lambda e: 1
     decide: Callable | None = None
-    by_flow: bool = False
-    detectable: Callable | None = None
+    explains: tuple = ()
+    explains_now: Callable = lambda e: True
+    spoils: str = ""
+    stands: Callable = lambda e: False
+    detectable: Callable = lambda e: True
     looked_for: Callable = lambda e: True
     says: Callable | None = None
     seen_by_points: bool = False
@@ -160,13 +177,7 @@ class Cause:
 
     def find(self, e):
         """The `Finding` where an Evidence has this cause, else None."""
-        if self.by_flow and shift.too_short(e):
-            # Renders that are blurred by too little training move the flow, too.
-            return None
         found = self.decide(e) if self.decide else self.beyond(e)
-        if found and self.by_flow and e.judged and shift.explained_by_poses(e):
-            # A model of wrong poses is bent and blurred, which flows show, too.
-            found = (found[0], False)
         return found and Finding(self, *found)
 
     def beyond(self, e):
@@ -177,12 +188,6 @@ class Cause:
         return (
             (value, sign * value > sign * sure) if sign * value > sign * limit else None
         )
-
-    def is_detectable(self, e):
-        """Whether this run tells the cause."""
-        if self.detectable:
-            return self.detectable(e)
-        return not self.by_flow or shift.is_sharp(e)
 
 
 class Finding(NamedTuple):

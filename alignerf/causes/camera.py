@@ -65,8 +65,6 @@ def is_shared(e):
 
 def decide(e):
     """(size in px of the training, whether it is sure); None where poses are right."""
-    if shift.too_short(e) and not (shift.by_crops(e) or shift.poses_off(e)):
-        return None
     # Matches that find nothing to correct are the witness that denies it.
     denied = e.judged and e.matches and not e.matches.accepted
     shown = source(e)
@@ -157,7 +155,7 @@ def advise(e, gains):
 
 CAUSE = base.Cause(
     name="camera",
-    order=(1, 10, 6),
+    order=(1, 5.2, 6),
     label="camera poses",
     unit="px",
     value=lambda e: shown(e)[0],
@@ -165,6 +163,11 @@ CAUSE = base.Cause(
     decide=decide,
     detectable=is_detectable,
     seen_by_points=True,
+    explains=("sparse", "motion", "exposure", "floaters", "half_size"),
+    # Where photos are too few, points tell of poses beside that.
+    explains_now=lambda e: source(e) != "points",
+    spoils="a model of wrong poses is bent",
+    stands=lambda e: source(e) in ("crops", "matches") and not lens.is_alone(e),
     called="poses are {probably}off",
     sentence=sentence,
     advice=advise,

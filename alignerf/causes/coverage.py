@@ -35,7 +35,8 @@ SPARSE = base.Cause(
     value=gap_db,
     limit=lambda e: GAP_DB,
     decide=sparse,
-    by_flow=True,
+    explains=("motion",),
+    spoils="photos do not fix the scene's shape",
     called="photos are {probably}too few or too far apart",
     sentence="Photos are {probably}too few or too far apart: those learnt from are "
     "matched to {e.psnr_train_db:.1f} dB, held-out ones to {e.psnr_test_db:.1f}.",

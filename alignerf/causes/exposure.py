@@ -33,6 +33,10 @@ CHANGES = base.Cause(
     order=(6, 9, 5),
     label="exposure",
     unit="stops",
+    explains=("sparse", "motion"),
+    spoils="brightness changes between photos",
+    # What points share is blurred by wrong poses; what all renders show is not.
+    stands=lambda e: e.exposure_ev > EXPOSURE_EV,
     value=lambda e: shown(e)[0],
     limit=lambda e: shown(e)[1],
     called="exposure {probably}changes",
@@ -42,20 +46,42 @@ CHANGES = base.Cause(
     advice_external="fix the exposure, even it out before training, or switch on your "
     "program's appearance model.",
 )
+
+
+def curve(e):
+    """{what: stops} by which a curve common to all renders changes them."""
+    return {
+        "gain": abs(e.tone_gain_ev),
+        "gamma": abs(e.tone_gamma - 1),
+        "white balance": e.tone_white_ev,
+    }
+
+
+def toned(e, probably):
+    """What the common curve is."""
+    known = curve(e)
+    said = {
+        "gain": f"{known['gain']:.2f} stops "
+        f"{'darker' if e.tone_gain_ev > 0 else 'brighter'}",
+        "gamma": f"of another gamma ({e.tone_gamma:.2f})",
+        "white balance": f"of another white balance ({known['white balance']:.2f} "
+        "stops between channels)",
+    }
+    parts = [text for what, text in said.items() if known[what] > TONE_EV]
+    return f"All renders are {probably}{', '.join(parts)} than their photos."
+
+
 TONE = base.Cause(
     name="tone",
     order=(13, 12, 4.5),
-    label="brightness of all renders",
+    label="tone of all renders",
     unit="stops",
-    value=lambda e: abs(e.darker_ev),
-    limit=lambda e: max(TONE_EV, e.exposure_ev),
+    value=lambda e: max(curve(e).values()),
+    limit=lambda e: TONE_EV,
     decide=lambda e: TONE.beyond(e) if e.judged else None,
     looked_for=lambda e: bool(e.judged),
-    called="renders are {probably}not as bright as their photos",
-    sentence=lambda e, probably: (
-        f"All renders are {probably}{'darker' if e.darker_ev > 0 else 'brighter'} than "
-        f"their photos, by {abs(e.darker_ev):.2f} stops."
-    ),
+    called="renders {probably}have another tone than their photos",
+    sentence=toned,
     advice="",
     advice_external="write the renders in sRGB, as the photos are, and judge again: "
     "colours that are linear, or have a gamma curve twice, are off throughout.",

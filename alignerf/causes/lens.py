@@ -1,10 +1,73 @@
-"""All photos are shifted alike, or bent alike: principal point and lens."""
+"""The lens is not the one that the cameras say: all photos are changed alike.
+
+Matches tell it where the poses, held as they are, fit with another lens. Without them
+the shift or the bend that all flows share tells it, of which a model absorbs most.
+"""
+
+import math
 
 from alignerf.causes import base
 
 # Common to all views' flows, and beyond so many standard errors. A model absorbs nine
 # tenths of a shift.
 SHIFT_PX, BEND_PX, LENS_ERRORS = 0.045, 0.08, 3.0
+# By matches, in px of the photo at its corner; a focal length by as much.
+LENS_PX = 1.0
+# Of what any correction takes from the matches' error: from here on the lens has a part
+# in it, and the poses have none.
+LENS_FRACTION, ALONE_FRACTION = 0.4, 0.8
+# What a wrong lens looks like in flows.
+EXPLAINS = ("camera", "motion", "sparse")
+SPOILS = "the lens is not the one that the cameras say"
+CORRECTED = "train again with the corrected cameras: `{export}` writes them."
+
+
+def fraction(e):
+    """Of what a correction takes from the matches' error at most, the lens's part."""
+    m = e.matches
+    if not (m and m.lens and m.lens.changed):
+        return 0.0
+    least = [m.lens.after_px]
+    if m.accepted:
+        least += [m.after_px, m.left.after_px if m.left else math.inf]
+    return (m.lens.before_px - m.lens.after_px) / max(
+        m.lens.before_px - min(least), 1e-9
+    )
+
+
+def by_matches(e):
+    """The `sfm.lens.Lens` that matches ask for, by input or adjusted poses; None."""
+    if fraction(e) >= LENS_FRACTION:
+        return e.matches.lens
+    left = e.matches and e.matches.left
+    return left if left and left.changed else None
+
+
+def is_alone(e):
+    """Whether the lens is all that matches have against the cameras."""
+    return fraction(e) >= ALONE_FRACTION
+
+
+def part_px(e, part):
+    """By how much a part of the lens is off, in px of the photo at its corner."""
+    found = by_matches(e)
+    if not (found and part in found.changed):
+        return 0.0
+    if part == "focal":
+        # Half of the diagonal of the usual 3:2, from the width.
+        return abs(found.focal_ratio - 1) * 0.6 * e.photo_width_px
+    return getattr(found, f"{part}_px")
+
+
+def of_part(e, part, otherwise=None):
+    """(px of the photo, whether it is sure) of a part that matches ask for; else None.
+
+    otherwise: what flows say, (px of the training, whether it is sure) or None.
+    """
+    px = part_px(e, part)
+    if px > LENS_PX:
+        return px / e.photo_px, px > 2 * LENS_PX and fraction(e) >= LENS_FRACTION
+    return otherwise
 
 
 def beyond_error(px, errors, limit_px):
@@ -14,37 +77,114 @@ def beyond_error(px, errors, limit_px):
     return None
 
 
-SHIFT = base.Cause(
+def shifted(e):
+    """All photos are shifted alike: the lens, or the origin of pixels."""
+    by_flows = beyond_error(e.shift_px, e.shift_errors, SHIFT_PX)
+    if e.matches and e.matches.lens and not e.judged:
+        # Our trainings see the photos by the cameras that matches have tested.
+        by_flows = None
+    return of_part(e, "centre", by_flows)
+
+
+def bent(e):
+    """All photos are bent alike."""
+    by_flows = beyond_error(e.distortion_px, e.distortion_errors, BEND_PX)
+    if e.matches and e.matches.lens:
+        by_flows = None
+    return of_part(e, "distortion", by_flows)
+
+
+def gauge(part, flow, limit):
+    """(value, limit) of a gauge, in px of the training: by matches, else by flows."""
+
+    def value(e):
+        px = part_px(e, part)
+        return px / e.photo_px if px > LENS_PX else flow(e)
+
+    def its_limit(e):
+        return LENS_PX / e.photo_px if part_px(e, part) > LENS_PX else limit(e)
+
+    return {"value": value, "limit": its_limit}
+
+
+def cause(part, flow=lambda e: 0.0, limit=lambda e: LENS_PX / e.photo_px, **more):
+    """The record of a part of the lens."""
+    decide = more.pop("decide", lambda e: of_part(e, part))
+    return base.Cause(
+        unit="px",
+        scale=lambda e: e.photo_px,
+        **gauge(part, flow, limit),
+        decide=decide,
+        explains=EXPLAINS,
+        explains_now=is_alone,
+        spoils=SPOILS,
+        stands=lambda e: part_px(e, part) > LENS_PX,
+        **more,
+    )
+
+
+SHIFT = cause(
+    "centre",
+    lambda e: e.shift_px,
+    lambda e: SHIFT_PX,
+    decide=shifted,
     name="lens_shift",
     order=(3, 6, 2),
     label="principal point",
-    unit="px",
-    scale=lambda e: e.photo_px,
-    value=lambda e: e.shift_px,
-    limit=lambda e: SHIFT_PX,
-    decide=lambda e: beyond_error(e.shift_px, e.shift_errors, SHIFT_PX),
-    by_flow=True,
     called="the principal point is {probably}off",
     sentence="All photos are {probably}shifted alike, by {px}: the principal point is "
     "wrong, or pixel centres lie half a pixel off.",
     advice="check pixel centres and principal point of the given cameras.",
-    advice_external="check pixel centres and principal point in what you gave the "
-    "program: shifts of half a pixel come from a wrong origin of pixels.",
+    advice_external=lambda e, gains: (
+        CORRECTED
+        if part_px(e, "centre")
+        else "check pixel centres and principal point in what you gave the program: "
+        "shifts of half a pixel come from a wrong origin of pixels."
+    ),
 )
-DISTORTION = base.Cause(
+DISTORTION = cause(
+    "distortion",
+    lambda e: e.distortion_px,
+    lambda e: BEND_PX,
+    decide=bent,
     name="lens_distortion",
     order=(4, 7, 3),
     label="lens distortion",
-    unit="px",
-    scale=lambda e: e.photo_px,
-    value=lambda e: e.distortion_px,
-    limit=lambda e: BEND_PX,
-    decide=lambda e: beyond_error(e.distortion_px, e.distortion_errors, BEND_PX),
-    by_flow=True,
-    called="the lens is {probably}bent otherwise",
+    called="the lens distortion is {probably}wrong",
     sentence="All photos are {probably}bent alike, by {px} at the corners: the lens's "
     "distortion is wrong.",
     advice="calibrate the lens anew, or let COLMAP find it.",
     advice_external="calibrate the lens anew, or undistort the photos first.",
 )
-CAUSE = [SHIFT, DISTORTION]
+FOCAL = cause(
+    "focal",
+    name="focal",
+    order=(14, 6.5, 2.5),
+    label="focal length",
+    looked_for=lambda e: bool(e.matches and e.matches.lens),
+    called="the focal length is {probably}off",
+    sentence=lambda e, probably: (
+        f"The focal length is {probably}off: matches between photos ask for "
+        f"{by_matches(e).focal_ratio:.4f} times the given one."
+    ),
+    advice=lambda e, gains: (
+        f"multiply the given focal length by {by_matches(e).focal_ratio:.4f}, or "
+        "adjust the cameras before training: `poses: adjusted` in the config."
+    ),
+    advice_external=CORRECTED,
+)
+SHUTTER = cause(
+    "shutter",
+    name="rolling_shutter",
+    order=(15, 7.5, 3.5),
+    label="rolling shutter",
+    looked_for=lambda e: bool(e.matches and e.matches.lens),
+    called="a rolling shutter {probably}skews the photos",
+    sentence="A rolling shutter {probably}skews the photos: by {px} from the first row "
+    "to the last of the median photo, with the camera's motion.",
+    advice="move the camera slower, or take photos instead of a film. Nothing here "
+    "undoes a rolling shutter.",
+    advice_external="move the camera slower, or take photos instead of a film; some "
+    "programs model a rolling shutter.",
+)
+CAUSE = [SHIFT, DISTORTION, FOCAL, SHUTTER]

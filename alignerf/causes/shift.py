@@ -28,10 +28,9 @@ FEW_TEST_VIEWS, FEW_TRAIN_VIEWS = 5, 12
 FEW_EPOCHS = 0.5
 # Of the matches' error, what wrong poses leave once they are corrected.
 LEFT = 0.4
-# Fine detail of photos over that of another program's renders, in the median view. It
-# is 1.2 to 1.7 of splats of 3000 steps, 2.1 with poses off by 3 px, 4.4 of a splat of
-# 300 steps (docs/measured/splats.csv).
-SOFT_DETAIL = 3.0
+# Detail of another program's renders over their photos', of the three finest octaves
+# the one that has most.
+MIN_DETAIL = 0.5
 
 
 def told_px(overfit_px):
@@ -51,7 +50,7 @@ def too_short(e):
     these blur renders, too.
     """
     if e.judged:
-        return e.detail_median > SOFT_DETAIL and not explained_by_poses(e)
+        return max(e.octaves[:3]) < MIN_DETAIL and not explained_by_poses(e)
     return e.epochs < FEW_EPOCHS / 2
 
 

@@ -5,6 +5,11 @@ from alignerf.causes import base, shift
 # What twice the steps brought on courtyard, in dB (docs/measured/tradeoff.csv).
 LONGER_DB = 0.3
 
+# What renders of too short a training do not tell: they are blurred, which moves flows.
+EXPLAINS = ("camera", "motion", "sparse", "lens_shift", "lens_distortion", "half_size")
+EXPLAINS += ("floaters", "blurred")
+SPOILS = "training was too short"
+
 OURS = base.Cause(
     name="undertrained",
     order=(10, 5, 1),
@@ -13,6 +18,9 @@ OURS = base.Cause(
     value=lambda e: e.epochs,
     limit=lambda e: shift.FEW_EPOCHS,
     more_is_better=True,
+    explains=EXPLAINS,
+    explains_now=lambda e: shift.too_short(e) and not shift.known_crops(e),
+    spoils=SPOILS,
     looked_for=lambda e: not e.judged,
     says=lambda e: f"{base.number(e.epochs)} epochs, {shift.FEW_EPOCHS} are enough",
     called="trained {probably}too short",
@@ -20,25 +28,33 @@ OURS = base.Cause(
     advice="train longer first: more steps, or budget_min. Twice the steps brought "
     f"{LONGER_DB} dB on the demo's scene.",
 )
+
+
+def detail(e):
+    """How much of the photos' detail the renders have, in the octave that has most."""
+    return max(e.octaves[:3])
+
+
 OTHERS = base.Cause(
     name="undertrained_renders",
     order=(12, 0, 0),
     label="length of training, by its renders",
-    unit="times the renders' detail",
-    value=lambda e: e.detail_median,
-    limit=lambda e: shift.SOFT_DETAIL,
-    decide=lambda e: (
-        (e.detail_median, False) if e.judged and shift.too_short(e) else None
-    ),
+    unit="of the photos' detail",
+    value=detail,
+    limit=lambda e: shift.MIN_DETAIL,
+    more_is_better=True,
+    decide=lambda e: (detail(e), False) if e.judged and shift.too_short(e) else None,
     detectable=lambda e: not shift.explained_by_poses(e),
     looked_for=lambda e: bool(e.judged),
+    explains=EXPLAINS,
+    spoils=SPOILS,
     says=lambda e: (
-        f"photos have {base.number(e.detail_median)} times the fine detail of "
-        f"renders, {shift.SOFT_DETAIL:g} is too much"
+        f"renders have {base.number(detail(e))} of the photos' detail, "
+        f"{shift.MIN_DETAIL:g} is enough"
     ),
     called="trained {probably}too short",
-    sentence="Training was {probably}too short: photos have {value:.2g} times the fine "
-    "detail of the renders, and matches find no wrong poses.",
+    sentence="Training was {probably}too short: renders have {value:.2g} of their "
+    "photos' detail, fine and coarse, and matches find no wrong poses.",
     advice="train longer first.",
     advice_external="train longer first, then judge again: blurred renders tell "
     "nothing of alignment.",

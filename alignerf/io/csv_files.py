@@ -47,3 +47,8 @@ def read(path, *, columns=(), sep=","):
     except ValueError as error:
         raise ValueError(f"{path}: not the table that it should be: {error}") from None
     return table
+
+
+def by_view(path):
+    """A table of views, by their names."""
+    return read(path, columns=["view"]).set_index("view")

@@ -27,16 +27,18 @@ def gauge(one):
     """
     level, value, limit = one["level"], one["value"], one["limit"]
     shown = {key: one[key] for key in ("name", "level", "text")}
+    said = one["text"].removeprefix(f"{one['name']} (").removesuffix(")")
     if value is None or limit is None or level == "untold":
-        return shown | {"filled": None, "numbers": ""}
+        why = said if said.startswith(report.CANNOT_TELL) else ""
+        return shown | {"filled": None, "numbers": why}
     inverse = {cause.name for cause in causes.every() if cause.more_is_better}
     part, whole = (limit, value) if one["cause"] in inverse else (value, limit)
     # Where none is right, one is as far as it goes.
     share = MARK * (part / whole) if whole > 0 else float(part > 0)
     # What lies beyond its limit, and within its error, is not shown as beyond.
     most = MARK if level == "not seen" else 1.0
-    numbers = one["text"].removeprefix(f"{one['name']} (").removesuffix(")")
-    if numbers.endswith(one["unit"]):
+    numbers = said
+    if said.endswith(one["unit"]):
         numbers = f"{value:.3g} {one['unit']}"
         numbers += f" (fine: up to {limit:.3g})" * bool(limit)
     return shown | {"filled": min(max(share, 0.0), most), "numbers": numbers}

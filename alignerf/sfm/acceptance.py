@@ -67,15 +67,16 @@ class Judgement(NamedTuple):
         return numbers | {flag: bool(getattr(self, flag)) for flag in flags}
 
 
-def judge(matches: Matches, before: Cameras, after: Cameras, photo_px=1.0):
+def judge(matches: Matches, before: Cameras, after: Cameras, photo_px=1.0, moved=None):
     """The `Judgement` of the cameras `after` over those `before`.
 
-    Both are in px of the matches; photo_px: px of the photo in one of these.
+    Both are in px of the matches; photo_px: px of the photo in one of these. moved: the
+    matches as those `after` see them, where another shutter moves them.
     """
     n, (views, _) = len(matches.names), matches.places(held_out=True)
     errors = [
-        photo_px * calibration.errors_of_views(matches, one, held_out=True)
-        for one in (before, after)
+        photo_px * calibration.errors_of_views(*one, held_out=True)
+        for one in ((matches, before), (moved or matches, after))
     ]
     known = np.isfinite(errors[0]) & np.isfinite(errors[1])
     known &= np.bincount(views.ravel(), minlength=n) >= MIN_MATCHES

@@ -24,6 +24,7 @@ from alignerf.sfm import (
     mistakes,
     pose_error,
 )
+from alignerf.sfm import lens as lens_fit
 
 log = logging.getLogger("alignerf.poses")
 
@@ -88,6 +89,11 @@ def check(views, work, config, *, adjusts, lens, matched=None) -> Checked:
         found, told = adjust(
             matched, given, work, seed, photo_px, lens=lens, where=where, photos=photos
         )
+        report["lens"] = {
+            name: lens_fit.fit(matched, one, photo_px, seed=seed).told()
+            for name, one in (("given", given), ("adjusted", found and found.cameras))
+            if one
+        }
     report["adjustment"] = told
     report["time_s"] = round(time.monotonic() - started, 1)
     return Checked(matched, given, found, report)

@@ -12,12 +12,13 @@ import pandas as pd
 
 from alignerf.cameras import exposure, lens
 from alignerf.causes import base as causes
-from alignerf.causes import blur, motion, shift
-from alignerf.io import archives, csv_files, json_files, machine, provenance
-from alignerf.metrics import pairs
+from alignerf.causes import blur, shift
+from alignerf.io import csv_files, json_files, machine, provenance
+from alignerf.metrics import copies, pairs, spectrum, tone
 from alignerf.scenes import prepared
+from alignerf.sfm.lens import Lens
 from alignerf.tables import intervals
-from alignerf.verdict import views
+from alignerf.verdict import seen, views
 
 # What it takes from a poses.json, and from a timing.json.
 POSES = prepared.POSES | {"poses": str, "perturb_px": json_files.NUMBER}
@@ -27,85 +28,25 @@ INPUT = ("input", "adjusted")
 # Flows of so many training views tell what all have in common.
 MAX_PATTERN_VIEWS = 32
 DRAWS = 2000
+# Of a view's pixels: so many are hidden by what hangs before its camera.
+HIDDEN = 0.01
 
 
 def read_views(loaded: prepared.Scene, base, look=None):
-    """(rows, pairs, shared_ev): what photos and their renders say.
+    """A `seen.Seen` of each view whose render and flow are there.
 
-    rows: a `views.View` of each view whose render and flow are there. pairs: {view:
-    `pairs.Seen`}, of another program's renders. shared_ev: standard deviation over
-    photos of how bright they show the same points, in stops; NaN where unknown. base:
-    the reference's round 0. look: `pairs.look` with its options, where pairs are to be
-    checked.
+    base: the reference's round 0. look: `pairs.look` with its options, where pairs are
+    to be checked.
     """
     found = []
     for split in prepared.SPLITS:
         if (base / "renders" / split).is_dir():
-            parts = table(base / f"decomposition_photos_{split}.csv")
-            lengths = table(base / "displacement" / f"{split}.csv")
-            tables = parts.join(lengths["blur_sigma_px"])
-            read = partial(read_view, loaded, base, split, tables, look)
+            read = partial(
+                seen.of_view, loaded, base, split, seen.table(base, split), look
+            )
             found += machine.map_in_threads(read, loaded.views(split))
-    rows, looked, sampled = zip(*found, strict=True) if found else ((), (), ())
-    stops = exposure.stops(sampled)
-    known = stops[np.isfinite(stops)]
-    shared_ev = float(np.std(known)) if len(known) > 1 else math.nan
-    seen = {row.view: one for row, one in zip(rows, looked, strict=True) if one}
-    return views.named(rows), seen, shared_ev
-
-
-def read_view(loaded: prepared.Scene, base, split, tables, look, view):
-    """(`views.View` of one view, its `pairs.Seen`, its `exposure.Sampled`).
-
-    tables: of its split, by names. look: as of `read_views`.
-    """
-    name = loaded.names[view]
-    (photo,) = prepared.read_images(loaded, [view], loaded.folder / "images")
-    (render,) = prepared.read_images(loaded, [view], base / "renders" / split)
-    _, valid = read_flow(base, split, name)
-    (counts,) = prepared.read_masks(loaded, [view])
-    row = tables.loc[name]
-    measured = views.View(
-        view=name,
-        split=split,
-        flow_px=row["flow_median_px"],
-        camera_px=row["camera_median_px"],
-        remainder_px=row["remainder_median_px"],
-        moved_fraction=moved_fraction(
-            base, split, name, row["camera_median_px"], photo
-        ),
-        blur_sigma_px=row["blur_sigma_px"],
-        **views.measured(photo, render, valid, counts),
-    )
-    depth = archives.read(base / "depth" / split / f"{name}.npz", ["depth"])["depth"]
-    camera = loaded.pixtocams[view], loaded.camtoworlds[view]
-    sampled = exposure.sampled(exposure.View(photo, depth, *camera, counts))
-    return measured, look and look(photo, render, counts), sampled
-
-
-def table(path):
-    """A CSV of views, by their names."""
-    return csv_files.read(path, columns=["view"]).set_index("view")
-
-
-def read_flow(base, split, name):
-    """(flow_px [h, w, 2], valid [h, w]) of a view."""
-    data = archives.read(base / "flow" / split / f"{name}.npz", ("flow_px", "valid"))
-    return data["flow_px"], data["valid"]
-
-
-def moved_fraction(base, split, name, camera_px, photo):
-    """Share of a view's valid pixels that moved on their own, by a visible length.
-
-    Where the photo is flat, as in a sky, a flow says nothing.
-    """
-    min_px = max(motion.MOVED_PX, motion.MOVED_OF_CAMERA * camera_px)
-    path = base / "parts_photos" / split / f"{name}.npz"
-    data = archives.read(path, ("remainder_px", "moved", "valid"))
-    far = np.linalg.norm(data["remainder_px"], axis=-1) > min_px
-    valid = data["valid"]
-    moved = data["moved"] & far & valid & views.textured(photo)
-    return float(moved.sum() / max(valid.sum(), 1))
+    rows = views.named(one.row for one in found)
+    return [one._replace(row=row) for one, row in zip(found, rows, strict=True)]
 
 
 def lens_of(loaded: prepared.Scene, base):
@@ -115,7 +56,7 @@ def lens_of(loaded: prepared.Scene, base):
     places = np.linspace(0, len(chosen) - 1, min(MAX_PATTERN_VIEWS, len(chosen)))
     flows = []
     for view in chosen[places.round().astype(int)]:
-        flow_px, valid = read_flow(base, split, loaded.names[view])
+        flow_px, valid = seen.read_flow(base, split, loaded.names[view])
         flows.append(np.where(valid[..., None], flow_px, np.nan))
     shared = lens.of_flows(flows)
     shift, error = np.array(shared.shift_px), np.array(shared.shift_error_px)
@@ -128,17 +69,34 @@ def lens_of(loaded: prepared.Scene, base):
     }
 
 
-def sums_of(rows):
-    """What the views of a scene come to; renders may lack the views of a split."""
-    frame = pd.DataFrame(rows, columns=views.COLUMNS)
+def sums_of(found):
+    """What the views of a scene come to; renders may lack the views of a split.
+
+    found: a `seen.Seen` of each.
+    """
+    frame = pd.DataFrame([one.row for one in found], columns=views.COLUMNS)
     train, test = (frame[frame["split"] == split] for split in prepared.SPLITS)
     # Where training views were not rendered, test views have to tell.
     main = train if len(train) else test
     detail = main["sharpness_ratio"].median()
-    # Of few views one that is rendered badly is most of the spread.
-    several = [own for own in (train, test) if len(own) >= shift.FEW_TEST_VIEWS]
-    exposures = [own["exposure_ev"].to_numpy() for own in several or [main]]
+    tones = [
+        tone.of_views([found[i].levels for i in own.index])
+        for own in (main, train, test)
+        # Of few views one that is rendered badly is most of the spread.
+        if own is main or len(own) >= shift.FEW_TEST_VIEWS
+    ]
+    octaves = np.array([found[i].octaves for i in main.index])
+    octaves = octaves.reshape(-1, spectrum.OCTAVES)
+    hidden = np.array([one.hidden for one in found])
     return {
+        "octaves": tuple(median(octave) for octave in octaves.T),
+        "tone_gain_ev": tones[0].gain_ev,
+        "tone_gamma": tones[0].gamma,
+        "tone_white_ev": tones[0].white_ev,
+        # Renders of training views have learnt some of their photos' brightness.
+        "exposure_ev": max(usual_spread(one.even_ev) for one in tones[1:] or tones),
+        "copies": len(copies.of([one.small for one in found])),
+        "hidden_views": int((hidden > HIDDEN).sum()),
         "flow_train_px": median(train["flow_px"]),
         "flow_test_px": median(test["flow_px"]),
         "camera_px": median(main["camera_px"]),
@@ -150,9 +108,6 @@ def sums_of(rows):
         "blurred_fraction": mean(
             main["sharpness_ratio"] < blur.BLURRED_DETAIL * detail
         ),
-        # Renders of training views have learnt some of their photos' brightness.
-        "exposure_ev": max(float(own.std()) for own in exposures),
-        "darker_ev": median(main["exposure_ev"]),
     }
 
 
@@ -171,7 +126,10 @@ def read(scene, base, *, overfit=None, crops=(None, None), before=None):
         # Another program's: its black borders may be all of what a photo shows.
         told = poses.get("external_renders")
         look = partial(pairs.look, whole=bool(told and not told.get("transparent")))
-    rows, looked, shared_ev = read_views(loaded, base, look)
+    found = read_views(loaded, base, look)
+    rows = [one.row for one in found]
+    looked = {one.row.view: one.pair for one in found if one.pair}
+    shared = spread(exposure.stops([one.sampled for one in found]))
     main = [row.view for row in rows if row.split == "train"] or list(looked)
     checked = pairs.check(looked, main)
     # Pairs that are none are left out, unless there are too many of them.
@@ -195,9 +153,11 @@ def read(scene, base, *, overfit=None, crops=(None, None), before=None):
         total=poses["total"] if poses["poses"] == "colmap" else poses["registered"],
         photo_px=photo_px,
         reprojection_px=number(poses["mean_reprojection_error_px"]) / photo_px,
-        overfit_px=float(table(overfit)["median_px"].median()) if overfit else math.nan,
+        overfit_px=float(csv_files.by_view(overfit)["median_px"].median())
+        if overfit
+        else math.nan,
         epochs=number(rays_seen) / (max(train_views, 1) * loaded.width * loaded.height),
-        shared_ev=shared_ev,
+        shared_ev=shared,
         photo_width_px=width_px,
         poses_given=poses["poses"] in INPUT,
         perturb_px=float(poses["perturb_px"]),
@@ -206,7 +166,7 @@ def read(scene, base, *, overfit=None, crops=(None, None), before=None):
         matches=of_matches(poses),
         pairs=checked,
         by_colmap=by_colmap(poses, scene),
-        **sums_of([row for row in rows if row.view not in bad]),
+        **sums_of([one for one in found if one.row.view not in bad]),
         **lens_of(loaded, base),
     )
     return known, rows
@@ -233,11 +193,22 @@ def of_matches(poses):
         return None
     accepted = bool(told.get("accepted"))
     off = (told["pose_error_px"], told["worst_px"]) if accepted else (math.nan,) * 2
+    lenses = poses["camera_check"].get("lens") or {}
     return causes.Matches(
         accepted,
         accepted and poses["poses"] == "adjusted",
         *map(float, (told["before_px"], told["after_px"], *off)),
+        *(
+            lens_told(lenses[name]) if name in lenses else None
+            for name in ("given", "adjusted")
+        ),
     )
+
+
+def lens_told(found):
+    """`sfm.lens.Lens` by what it has told."""
+    own = {key: number(px) for key, px in found.items() if key != "changed"}
+    return Lens(changed=found["changed"], **own)
 
 
 def read_judged(poses, before=None, width_px=None):
@@ -309,7 +280,7 @@ def of_photos(base, split, what):
     Photos without a valid flow are left out.
     """
     column = f"{what}_median_px"
-    lengths = table(base / f"decomposition_photos_{split}.csv")[column]
+    lengths = csv_files.by_view(base / f"decomposition_photos_{split}.csv")[column]
     photo = lengths.index.str.rpartition("_w").get_level_values(0)
     return lengths.groupby(photo).median().dropna().to_numpy(np.float64)
 
@@ -320,6 +291,20 @@ def interval_of_median(values):
         return math.nan, math.nan
     drawn = values[intervals.resamples(len(values), draws=DRAWS)]
     return intervals.from_draws(np.median(drawn, axis=1), len(values))
+
+
+def spread(values):
+    """Standard deviation of those that are known; NaN of fewer than two."""
+    known = values[np.isfinite(values)]
+    return float(np.std(known)) if len(known) > 1 else math.nan
+
+
+def usual_spread(values):
+    """As `spread`, where one that is far off has no say."""
+    known = values[np.isfinite(values)]
+    if len(known) < 2:
+        return math.nan
+    return float(1.4826 * np.median(np.abs(known - np.median(known))))
 
 
 def number(value):

@@ -22,6 +22,8 @@ INDENT, WIDTH = 10, 100
 COMMAND = re.compile(r"`((?:make|snakemake|why-blurry|ns-|python) ?[^`]*)`")
 # From this place among advice on, photos are to be taken.
 MORE_PHOTOS = 8
+# How a gauge begins whose evidence another cause spoils.
+CANNOT_TELL = "cannot tell, because"
 # Where alignment cannot be told: without crops; with them; with too few of them.
 UNSEEN = "add `crops: {}` to the config, or make photos less small (downscale)."
 LARGER = "make photos less small (downscale), or train crops longer (crops.steps)."
@@ -43,7 +45,7 @@ def of(e, findings, gains, views):
     head = headline(e, findings)
     text = advise(e, findings, gains)
     command = COMMAND.search(text)
-    told = not e.pairs.stops
+    told, spoilt = not e.pairs.stops, causes.spoilt(e, findings)
     return {
         "state": state(e, findings),
         "headline": head[0].upper() + head[1:],
@@ -56,7 +58,9 @@ def of(e, findings, gains, views):
         "tried": [tried(gain, e) for gain in gains] * told,
         "measured": measured.sentences(e, views, gains),
         "causes": [
-            gauge(cause, e, findings) for cause in causes.every() if cause.looked_for(e)
+            gauge(cause, e, findings, spoilt.get(cause.name))
+            for cause in causes.every()
+            if cause.looked_for(e)
         ],
     }
 
@@ -119,8 +123,9 @@ def advise(e, findings, gains=()):
         # What is only probable then is seen by bad renders; poses are by points, too.
         findings = [one for one in findings if one.sure or one.cause.seen_by_points]
     for cause, *_ in sorted(findings, key=place_of_advice):
-        text = with_export(e, cause.advice_external) if e.judged else cause.advice
-        if said := text(e, gains) if callable(text) else text:
+        text = cause.advice_external if e.judged else cause.advice
+        said = text(e, gains) if callable(text) else text
+        if said := with_export(e, said) if e.judged else said:
             return said
     if e.judged:
         return of_judged_alignment(e)
@@ -193,11 +198,11 @@ def tried(gain, e):
     return {"text": f"{text}.", "pays": remedies.pays(e, gain)} | numbers
 
 
-def gauge(cause, e, findings):
+def gauge(cause, e, findings, spoilt=None):
     """{cause, name, level, value, limit, unit, text} of a cause.
 
     level: `sure` or `likely` where it is named, `not seen`, or `untold` where this run
-    cannot tell.
+    cannot tell, as where another cause explains what would show it.
     """
     scale = cause.scale(e)
     value, limit = float(scale * cause.value(e)), float(scale * cause.limit(e))
@@ -205,10 +210,13 @@ def gauge(cause, e, findings):
     if cause in sure:
         level = "sure" if sure[cause] else "likely"
     else:
-        unknown = not (cause.is_detectable(e) and math.isfinite(value))
-        level = "untold" if unknown or e.pairs.stops else "not seen"
+        unknown = not (cause.detectable(e) and math.isfinite(value))
+        unknown |= bool(spoilt or e.pairs.stops)
+        level = "untold" if unknown else "not seen"
     says = f"{number(value)} of {number(limit)} {cause.unit}"
-    if cause.says:
+    if spoilt and level == "untold":
+        says = f"{CANNOT_TELL} {spoilt.cause.spoils}"
+    elif cause.says:
         says = cause.says(e)
     elif level == "not seen" and value > limit:
         says = f"{number(value)} {cause.unit}, within its error"
@@ -232,8 +240,8 @@ def terminal(told):
     """Lines of what `of` tells, folded for a terminal."""
     do_first, command = told["do_first"], told["do_first"]["command"]
     fine, untold = (
-        ", ".join(one[key] for one in told["causes"] if one["level"] == level)
-        for level, key in (("not seen", "text"), ("untold", "name"))
+        ", ".join(one["text"] for one in told["causes"] if one["level"] == level)
+        for level in ("not seen", "untold")
     )
     parts = {
         "VERDICT": [told["headline"], *told["because"]],

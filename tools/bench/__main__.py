@@ -17,8 +17,8 @@ ROOT = pathlib.Path(__file__).resolve().parents[2]
 USUAL = ("speed", "quality", "grid", "job", "memory", "scale", "split", "align")
 # They take hours, or gigabytes: only where they are asked for.
 LONG = (
-    *("clusters", "decided", "judged", "kernels", "pairs", "parts", "photos"),
-    *("planning", "roofline", "systems", "verdicts"),
+    *("clusters", "decided", "kernels", "pairs", "parts", "photos"),
+    *("planning", "roofline", "systems"),
 )
 
 
@@ -36,9 +36,9 @@ def main(argv=None):
         "--results",
         type=pathlib.Path,
         default=ROOT / "results",
-        help="of judged: those of a run",
+        help="of pairs: those of a run",
     )
-    parser.add_argument("--method", default="plain", help="of judged: of that run")
+    parser.add_argument("--method", default="plain", help="of pairs: of that run")
     parser.add_argument("--out", type=pathlib.Path, default=ROOT / "results" / "bench")
     args = parser.parse_args(argv)
     if args.repeats < 1:

@@ -27,7 +27,7 @@ class Options:
     data: pathlib.Path
     limit_s: float
     out: pathlib.Path
-    # Of `external_renders`: a run's results, and the method whose renders are judged.
+    # Of `pairs`: a run's results, and the method whose renders are checked.
     results: pathlib.Path | None = None
     method: str = "plain"
 

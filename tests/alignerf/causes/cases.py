@@ -4,6 +4,7 @@ import math
 
 from alignerf import causes
 from alignerf.causes import base, remedies
+from alignerf.sfm import lens
 
 # A scene in which nothing is wrong, as measured on courtyard.
 WELL = base.Evidence(
@@ -31,7 +32,32 @@ WELL = base.Evidence(
     distortion_px=0.02,
     distortion_errors=1.3,
     photo_width_px=400.0,
+    octaves=(1.0, 0.9, 0.97, 0.98, 1.0),
+    tone_gain_ev=0.0,
+    tone_gamma=1.0,
+    tone_white_ev=0.0,
 )
+# Matches that find nothing to correct.
+FINE = lens.Lens([], 1.0, 0.0, 0.0, 0.0, before_px=0.16, after_px=0.16)
+MATCHES = base.Matches(
+    accepted=False,
+    applied=False,
+    before_px=0.16,
+    after_px=0.17,
+    pose_error_px=math.nan,
+    worst_px=math.nan,
+    lens=FINE,
+)
+
+
+def with_lens(part, **changes):
+    """Matches that another lens explains, and so does a bundle adjustment."""
+    found = FINE._replace(changed=[part], before_px=0.8, **changes)
+    return MATCHES._replace(
+        accepted=True, before_px=0.8, after_px=0.2, pose_error_px=3.0, lens=found
+    )
+
+
 FAULTS = {
     "camera": {"flow_train_px": 1.2, "camera_px": 1.2},
     "motion": {"moved_fraction": 0.1},
@@ -43,9 +69,19 @@ FAULTS = {
     "exposure": {"exposure_ev": 0.2},
     "undertrained": {"epochs": 0.2499},
     "unregistered": {"registered": 20, "total": 45},
+    "focal": {"matches": with_lens("focal", focal_ratio=1.02)},
+    "rolling_shutter": {"matches": with_lens("shutter", shutter_px=4.0)},
+    "copies": {"copies": 3},
+}
+# Of another program's renders alone.
+OF_RENDERS = {
+    "tone": {"tone_gain_ev": 0.33},
+    "half_size": {"octaves": (0.1, 0.7, 0.97, 0.98, 1.0)},
+    "floaters": {"hidden_views": 9},
+    "undertrained_renders": {"octaves": (0.1, 0.2, 0.3, 0.5, 0.7)},
 }
 # What a training that is too short does not tell.
-BY_FLOW = {"camera", "motion", "sparse", "lens_shift", "lens_distortion"}
+BY_FLOW = {"camera", "motion", "sparse", "lens_shift", "lens_distortion", "blurred"}
 # Crops of a capture whose poses are wrong, at the photos' own size; and are right.
 APART = base.Crops(
     places=2,

@@ -137,7 +137,17 @@ def test_levels_of_what_is_not_named():
     def levels(e, level):
         return {one["cause"] for one in of(e)["causes"] if one["level"] == level}
 
-    assert levels(WELL, "not seen") == {*FAULTS}
+    of_matches = {"focal", "rolling_shutter"}
+    assert levels(WELL, "not seen") == {*FAULTS} - of_matches
+    asked = WELL._replace(matches=cases.MATCHES)
+    assert levels(asked, "not seen") == {*FAULTS}
+    (untold,) = [
+        one
+        for one in of(cases.with_faults("camera"))["causes"]
+        if one["cause"] == "motion"
+    ]
+    assert untold["level"] == "untold"
+    assert "cannot tell, because a model of wrong poses is bent" in untold["text"]
     assert levels(WELL._replace(epochs=0.1), "untold") == cases.BY_FLOW
     assert levels(WELL._replace(psnr_test_db=math.nan), "untold") == {"sparse"}
     lines = report.terminal(of(WELL._replace(epochs=0.1)))
@@ -321,8 +331,7 @@ def test_a_gain_has_its_numbers_and_says_what_it_is_measured_against():
 
 
 def test_a_command_stands_on_a_line_of_its_own_and_lines_fit_a_terminal():
-    e = cases.with_faults("camera", "motion")
-    told = of(e, [GAIN])
+    told = of(cases.with_faults("camera"), [GAIN])
     assert told["do_first"]["command"] == EXPORT
     assert told["tried"][0]["pays"]
     lines = report.terminal(told)
@@ -331,7 +340,7 @@ def test_a_command_stands_on_a_line_of_its_own_and_lines_fit_a_terminal():
     assert "`" not in "".join(lines)
     assert max(map(len, lines)) <= report.WIDTH
     titles = [line[: report.INDENT].strip() for line in lines]
-    parts = ["VERDICT", "DO FIRST", "TRIED", "MEASURED", "FINE"]
+    parts = ["VERDICT", "DO FIRST", "TRIED", "MEASURED", "FINE", "NOT TOLD"]
     assert list(filter(None, titles)) == parts
 
 

@@ -1,0 +1,93 @@
+"""What one view's photo and render say, with the flow between them."""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from alignerf.cameras import exposure
+from alignerf.causes import motion
+from alignerf.io import archives, csv_files
+from alignerf.metrics import copies, floaters, pairs, spectrum, tone
+from alignerf.scenes import prepared
+from alignerf.verdict import views
+
+
+class Seen(NamedTuple):
+    """A view's row, and what is compared with other views'.
+
+    pair: None where pairs are not checked. octaves: of `spectrum`. hidden: the fraction
+    of the view that something close to the camera hides.
+    """
+
+    row: views.View
+    pair: pairs.Seen | None
+    sampled: exposure.Sampled
+    levels: tone.Levels
+    octaves: np.ndarray
+    hidden: float
+    small: np.ndarray
+
+
+def of_view(loaded: prepared.Scene, base, split, tables, look, view):
+    """The `Seen` of a view.
+
+    tables: of its split, by names; look: `pairs.look` with its options, or None.
+    """
+    name = loaded.names[view]
+    (photo,) = prepared.read_images(loaded, [view], loaded.folder / "images")
+    (render,) = prepared.read_images(loaded, [view], base / "renders" / split)
+    _, valid = read_flow(base, split, name)
+    (counts,) = prepared.read_masks(loaded, [view])
+    row = tables.loc[name]
+    measured = views.View(
+        view=name,
+        split=split,
+        flow_px=row["flow_median_px"],
+        camera_px=row["camera_median_px"],
+        remainder_px=row["remainder_median_px"],
+        moved_fraction=moved_fraction(
+            base, split, name, row["camera_median_px"], photo
+        ),
+        blur_sigma_px=row["blur_sigma_px"],
+        **views.measured(photo, render, valid, counts),
+    )
+    depth = archives.read(base / "depth" / split / f"{name}.npz", ["depth"])["depth"]
+    camera = loaded.pixtocams[view], loaded.camtoworlds[view]
+    sampled = exposure.sampled(exposure.View(photo, depth, *camera, counts))
+    shown = np.where(counts[..., None], photo, render)
+    return Seen(
+        measured,
+        look and look(photo, render, counts),
+        sampled,
+        tone.levels_of(photo, render, counts),
+        spectrum.octaves(shown, render),
+        floaters.hidden(photo, render, depth, counts),
+        copies.small(photo),
+    )
+
+
+def table(base, split):
+    """Numbers of a split's views, by their names."""
+    parts = csv_files.by_view(base / f"decomposition_photos_{split}.csv")
+    lengths = csv_files.by_view(base / "displacement" / f"{split}.csv")
+    return parts.join(lengths["blur_sigma_px"])
+
+
+def read_flow(base, split, name):
+    """(flow_px [h, w, 2], valid [h, w]) of a view."""
+    data = archives.read(base / "flow" / split / f"{name}.npz", ("flow_px", "valid"))
+    return data["flow_px"], data["valid"]
+
+
+def moved_fraction(base, split, name, camera_px, photo):
+    """Share of a view's valid pixels that moved on their own, by a visible length.
+
+    Where the photo is flat, as in a sky, a flow says nothing.
+    """
+    min_px = max(motion.MOVED_PX, motion.MOVED_OF_CAMERA * camera_px)
+    path = base / "parts_photos" / split / f"{name}.npz"
+    data = archives.read(path, ("remainder_px", "moved", "valid"))
+    far = np.linalg.norm(data["remainder_px"], axis=-1) > min_px
+    valid = data["valid"]
+    moved = data["moved"] & far & valid & views.textured(photo)
+    return float(moved.sum() / max(valid.sum(), 1))

@@ -1,0 +1,336 @@
+"""Faults that are planted into captures: in photos, cameras, trainings and renders.
+
+Each has three strengths, from one that hardly matters to one that nobody overlooks.
+Lengths are px of the photo. `PLANTS` is the registry, `PAIRS` what is planted at once.
+"""
+
+from collections.abc import Callable
+from typing import NamedTuple
+
+import cv2
+import numpy as np
+
+from alignerf.scenes import cameras
+from flow.camera import motion
+
+# Of the photos, those that a fault of some photos is put into.
+FRACTION = 0.15
+# Of moving patches: how many, and their radius as a fraction of the shorter side.
+PATCHES, PATCH_RADIUS = 3, 0.2
+BORDER = cv2.BORDER_REFLECT_101
+
+
+class Capture(NamedTuple):
+    """Photos [n, h, w, 3] uint8 and cameras of a capture, and how long it is trained.
+
+    points [m, 3]: of its surface. names, split: of each view. fraction: of the steps.
+    """
+
+    names: list
+    split: np.ndarray
+    photos: np.ndarray
+    pixtocams: np.ndarray
+    camtoworlds: np.ndarray
+    points: np.ndarray
+    fraction: float = 1.0
+
+    @property
+    def size(self):
+        """(width, height) of the photos."""
+        return self.photos.shape[2], self.photos.shape[1]
+
+    @property
+    def some(self):
+        """How many views a fault of some views is put into."""
+        return max(2, round(FRACTION * len(self.names)))
+
+
+class Plant(NamedTuple):
+    """A fault: the cause that is to be named, and how it is put in.
+
+    causes: the first is the fault's own; the others say the same of it. strengths: in
+    the fault's unit. before: (Capture, strength, rng) -> Capture, put in before a
+    training; after: (renders [n, h, w, 3], depth [n, h, w], strength, rng) -> both, put
+    into renders.
+    """
+
+    causes: tuple
+    strengths: tuple
+    unit: str
+    before: Callable | None = None
+    after: Callable | None = None
+
+
+def moved(image, flow_px):
+    """An image [h, w, 3] whose pixel x shows what was at x + flow."""
+    height, width = image.shape[:2]
+    y, x = np.mgrid[:height, :width].astype(np.float32)
+    at = x + flow_px[..., 0].astype(np.float32), y + flow_px[..., 1].astype(np.float32)
+    return cv2.remap(image, *at, cv2.INTER_LANCZOS4, borderMode=BORDER)
+
+
+def brighter(image, stops):
+    """The image, as many stops of 8-bit values brighter."""
+    return np.clip(np.round(image * 2.0**stops), 0, 255).astype(np.uint8)
+
+
+def blurred(capture, sigma_px, rng):
+    photos = capture.photos.copy()
+    for view in rng.permutation(len(photos))[: capture.some]:
+        photos[view] = cv2.GaussianBlur(photos[view], (0, 0), sigma_px)
+    return capture._replace(photos=photos)
+
+
+def exposed(capture, stops_ev, rng):
+    stops = rng.normal(scale=stops_ev, size=len(capture.photos))
+    photos = [brighter(*one) for one in zip(capture.photos, stops, strict=True)]
+    return capture._replace(photos=np.array(photos))
+
+
+def moving(capture, length_px, rng):
+    """Patches around points of the scene move in each photo by another vector."""
+    middle = np.median(capture.points, axis=0)
+    near = np.argsort(np.linalg.norm(capture.points - middle, axis=-1))
+    anchors = capture.points[near[: max(len(near) // 2, PATCHES)]]
+    anchors = anchors[rng.choice(len(anchors), PATCHES, replace=False)]
+    width, height = capture.size
+    radius = PATCH_RADIUS * min(width, height)
+    y, x = np.mgrid[:height, :width] + 0.5
+    photos = []
+    for view, photo in enumerate(capture.photos):
+        at, depth = cameras.project(
+            anchors, capture.pixtocams[view], capture.camtoworlds[view]
+        )
+        flow_px = np.zeros((height, width, 2))
+        for (u, v), far in zip(at, depth, strict=True):
+            angle = rng.uniform(0, 2 * np.pi)
+            if far > 0:
+                share = np.exp(-((np.hypot(x - u, y - v) / radius) ** 4))
+                flow_px += (
+                    share[..., None]
+                    * length_px
+                    * np.array([np.cos(angle), np.sin(angle)])
+                )
+        photos.append(moved(photo, flow_px))
+    return capture._replace(photos=np.array(photos))
+
+
+def sheared(capture, skew_px, rng):
+    """Rows are read one after the other while the camera moves on to the next photo.
+
+    skew_px: from the first row to the last, in the median photo.
+    """
+    flows = velocities(capture)
+    skews = [np.linalg.norm(np.median(flow, axis=(0, 1))) for flow in flows]
+    rows = (np.arange(capture.size[1]) + 0.5) / capture.size[1] - 0.5
+    fraction = skew_px / max(np.median(skews), 1e-9)
+    photos = [
+        moved(photo, fraction * rows[:, None, None] * flow)
+        for photo, flow in zip(capture.photos, flows, strict=True)
+    ]
+    return capture._replace(photos=np.array(photos))
+
+
+def velocities(capture):
+    """[n, h, w, 2]: px that the scene moves by from each photo to the next by name."""
+    width, height = capture.size
+    found = []
+    for view in range(len(capture.names)):
+        first = min(view, len(capture.names) - 2)
+        one, other = (
+            (capture.pixtocams[v], capture.camtoworlds[v]) for v in (first, first + 1)
+        )
+        _, depth = cameras.project(capture.points, *one)
+        far = np.median(depth[depth > 0]) if (depth > 0).any() else np.inf
+        points = motion.points_of(one[0], np.full((height, width), far))
+        found.append(motion.flow(motion.between(one, other), points))
+    return np.array(found)
+
+
+def mirrored(capture, share, rng):
+    photos = capture.photos.copy()
+    chosen = rng.permutation(len(photos))[: max(1, round(share * len(photos)))]
+    photos[chosen] = photos[chosen, :, ::-1]
+    return capture._replace(photos=photos)
+
+
+def copied(capture, share, rng):
+    """Some photos lie there twice, by another name."""
+    count = len(capture.names)
+    chosen = rng.permutation(count)[: max(1, round(share * count))]
+    order = np.sort(np.concatenate([np.arange(count), chosen]), kind="stable")
+    again = np.diff(order, prepend=-1) == 0
+    names = [
+        f"{capture.names[view]}_copy" if twice else capture.names[view]
+        for view, twice in zip(order, again, strict=True)
+    ]
+    taken = {
+        key: getattr(capture, key)[order]
+        for key in ("photos", "pixtocams", "camtoworlds")
+    }
+    split = np.where(np.arange(len(order)) % 8 == 0, "test", "train")
+    return capture._replace(names=names, split=split, **taken)
+
+
+def turned(capture, error_px, rng):
+    poses = cameras.perturb_poses(capture.camtoworlds, capture.pixtocams, error_px, rng)
+    return capture._replace(camtoworlds=poses)
+
+
+def lens_changed(capture, focal=1.0, shift_px=0.0):
+    camtopix = np.linalg.inv(capture.pixtocams)
+    camtopix[:, [0, 1], [0, 1]] *= focal
+    camtopix[:, :2, 2] += shift_px
+    return capture._replace(pixtocams=np.linalg.inv(camtopix))
+
+
+def bent(capture, corner_px, rng):
+    """Photos of a lens that moves their corners outwards, which was left out."""
+    width, height = capture.size
+    y, x = np.mgrid[:height, :width].astype(np.float64)
+    at = np.stack([x - (width - 1) / 2, y - (height - 1) / 2], axis=-1)
+    half = np.hypot(width, height) / 2
+    square = (at**2).sum(axis=-1, keepdims=True) / half**2
+    flow_px = -at * corner_px / half * square
+    return capture._replace(
+        photos=np.array([moved(photo, flow_px) for photo in capture.photos])
+    )
+
+
+def shuffled(capture, share, rng):
+    """Some cameras change places in a ring; with a share of 1 each takes the next's."""
+    count = len(capture.names)
+    chosen = np.sort(rng.permutation(count)[: max(2, round(share * count))])
+    poses = capture.camtoworlds.copy()
+    poses[chosen] = poses[np.roll(chosen, -1)]
+    return capture._replace(camtoworlds=poses)
+
+
+def toned(renders, *, stops=(0, 0, 0), gamma=1.0):
+    values = 255 * (renders / 255.0) ** gamma * 2.0 ** np.array(stops, float)
+    return np.clip(np.round(values), 0, 255).astype(np.uint8)
+
+
+def halved(renders, factor):
+    height, width = renders.shape[1:3]
+    small = round(width / factor), round(height / factor)
+    return np.array(
+        [
+            cv2.resize(
+                cv2.resize(one, small, interpolation=cv2.INTER_AREA),
+                (width, height),
+                interpolation=cv2.INTER_CUBIC,
+            )
+            for one in renders
+        ]
+    )
+
+
+def floating(renders, depth, share, rng):
+    """A blob close to the camera covers a part of some renders."""
+    renders, depth = renders.copy(), depth.copy()
+    count, height, width = depth.shape
+    y, x = np.mgrid[:height, :width]
+    for view in rng.permutation(count)[: max(1, round(share * count))]:
+        u, v = rng.uniform(0.2, 0.8, 2) * (width, height)
+        radii = rng.uniform(0.12, 0.3, 2) * min(width, height)
+        alpha = np.exp(-((((x - u) / radii[0]) ** 2 + ((y - v) / radii[1]) ** 2) ** 2))
+        colour = rng.uniform(20, 200, 3)
+        mixed = renders[view] * (1 - alpha[..., None]) + colour * alpha[..., None]
+        renders[view] = np.round(mixed)
+        depth[view] = np.where(alpha > 0.5, 0.05 * np.median(depth[view]), depth[view])
+    return renders, depth
+
+
+def of_images(change):
+    """A fault of renders alone, as `Plant.after` takes it."""
+    return lambda renders, depth, strength, rng: (change(renders, strength), depth)
+
+
+def shifted(renders, px):
+    flow_px = np.full((*renders.shape[1:3], 2), px)
+    return np.array([moved(one, flow_px) for one in renders])
+
+
+def next_ones(renders, share):
+    chosen = np.arange(max(2, round(share * len(renders))))
+    found = renders.copy()
+    found[chosen] = renders[np.roll(chosen, -1)]
+    return found
+
+
+CAMERAS = ("camera", "focal", "lens_distortion", "lens_shift")
+TONE = ("tone",)
+PLANTS = {
+    "nothing": Plant((), (0.0,), ""),
+    "poses": Plant(("camera",), (1.0, 2.5, 6.0), "px", before=turned),
+    "focal": Plant(
+        ("focal", "camera"),
+        (1.01, 1.03, 1.08),
+        "times",
+        before=lambda capture, times, rng: lens_changed(capture, focal=times),
+    ),
+    "principal point": Plant(
+        ("lens_shift", "camera"),
+        (1.5, 4.0, 10.0),
+        "px",
+        before=lambda capture, px, rng: lens_changed(capture, shift_px=px),
+    ),
+    "distortion": Plant(
+        ("lens_distortion", "camera"), (2.0, 5.0, 12.0), "px", before=bent
+    ),
+    "order": Plant(("camera", "pairs"), (0.1, 0.3, 1.0), "of the cameras", shuffled),
+    "blur": Plant(("blurred",), (1.5, 3.0, 6.0), "px", before=blurred),
+    "exposure": Plant(("exposure",), (0.1, 0.2, 0.4), "stops", before=exposed),
+    "motion": Plant(("motion",), (2.0, 5.0, 10.0), "px", before=moving),
+    "rolling shutter": Plant(
+        ("rolling_shutter", "camera"), (2.0, 5.0, 12.0), "px", before=sheared
+    ),
+    "mirrored photos": Plant(("pairs",), (0.05, 0.1, 0.2), "of them", before=mirrored),
+    "copies": Plant(("copies",), (0.05, 0.1, 0.2), "of them", before=copied),
+    "short": Plant(
+        ("undertrained", "undertrained_renders"),
+        (0.3, 0.1, 0.03),
+        "of the steps",
+        before=lambda capture, share, rng: capture._replace(fraction=share),
+    ),
+    "gain": Plant(
+        TONE,
+        (-0.15, -0.33, -0.7),
+        "stops",
+        after=of_images(lambda renders, ev: toned(renders, stops=(ev,) * 3)),
+    ),
+    "gamma": Plant(
+        TONE,
+        (1.1, 1.3, 2.2),
+        "power",
+        after=of_images(lambda renders, power: toned(renders, gamma=power)),
+    ),
+    "white balance": Plant(
+        TONE,
+        (0.08, 0.2, 0.4),
+        "stops",
+        after=of_images(lambda renders, ev: toned(renders, stops=(ev, 0, -ev))),
+    ),
+    "shift": Plant(
+        ("lens_shift",), (0.25, 0.5, 1.5), "px of the render", after=of_images(shifted)
+    ),
+    "size": Plant(
+        ("half_size",), (1.4, 2.0, 4.0), "times smaller", after=of_images(halved)
+    ),
+    "next render": Plant(
+        ("pairs",), (0.06, 0.3, 1.0), "of the renders", after=of_images(next_ones)
+    ),
+    "floaters": Plant(("floaters",), (0.06, 0.15, 0.3), "of the views", after=floating),
+}
+# Two at once, each of the middle strength.
+PAIRS = (
+    ("poses", "exposure"),
+    ("motion", "blur"),
+    ("poses", "short"),
+    ("exposure", "distortion"),
+    ("gain", "motion"),
+    ("size", "poses"),
+    ("poses", "motion"),
+    ("gain", "poses"),
+)

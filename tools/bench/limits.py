@@ -1,0 +1,418 @@
+"""The planted cases' evidence as a table, and limits of causes fitted to it.
+
+    python -m tools.bench.limits collect results/planted --captures results/fox ...
+        --out docs/measured/planted.csv
+    python -m tools.bench.limits fit docs/measured/planted.csv
+
+Each case is read twice: as a training of ours, and as renders of another program.
+Limits are fitted on all captures but one and judged by that one, in turn.
+"""
+
+import argparse
+import contextlib
+import json
+import math
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+import pandas as pd
+
+from alignerf import causes
+from alignerf.causes import base as of_causes
+from alignerf.causes import (
+    blur,
+    camera,
+    coverage,
+    exposure,
+    floaters,
+    lens,
+    motion,
+    shift,
+    size,
+)
+from alignerf.io import images, machine
+from alignerf.metrics import pairs
+from alignerf.scenes import prepare, prepared
+from alignerf.sfm.lens import Lens
+from alignerf.verdict import evidence
+from tools.bench import faults, planted
+
+JUDGED = of_causes.ExternalRenders("given", "known", "named like the photos")
+TIMING = {"rays_seen": None}
+# A fault that costs so much of the held-out score is to be named first.
+STRONG_DB = 0.3
+# What is fitted: (module, name).
+LIMITS = [
+    *((shift, name) for name in ("MIN_DETAIL", "ALIGNED_PX")),
+    *((camera, name) for name in ("PART_PX",)),
+    *((motion, name) for name in ("MOVED_FRACTION", "MOVED_ANYWAY")),
+    *((lens, name) for name in ("SHIFT_PX", "LENS_PX", "LENS_FRACTION")),
+    *((lens, name) for name in ("ALONE_FRACTION",)),
+    *((exposure, name) for name in ("EXPOSURE_EV", "SHARED_EV", "TONE_EV")),
+    *((coverage, name) for name in ("GAP_DB", "TEST_OVER_TRAIN")),
+    (size, "FINEST"),
+    (blur, "BLURRED_VIEWS"),
+    (floaters, "FLOATER_VIEWS"),
+]
+# What is counted, and so true.
+FACTS = {"few_views", "unregistered"}
+OUTCOME = ["capture", "reading", "seed", "faults", "strengths", "strong", "found"]
+FRACTIONS = {(lens, "LENS_FRACTION"), (lens, "ALONE_FRACTION")}
+FACTORS, SWEEPS = 1.12 ** np.arange(-8, 9), 2
+# Faults of splats, whose photos were left out.
+OTHERS = {
+    "few": ("few_views", "sparse"),
+    "a phone's poses": ("camera", "lens_shift"),
+    "a lost view": ("pairs", "floaters"),
+}
+# Of treehill grass and leaves move.
+OWN = {"treehill": {"motion"}}
+
+
+def collect(out, captures, known=None):
+    """A row for each case and reading of it; known: a table that has some already."""
+    keys = ["capture", "seed", "faults", "strengths"]
+    there = set() if known is None else {*map(tuple, known[keys].astype(str).values)}
+    cases = [
+        (case, case.folder(out))
+        for case in planted.cases(captures)
+        if (case.folder(out) / planted.DONE).is_file()
+        and tuple(map(str, shared_of(case).values())) not in there
+    ]
+    clean = {path: clean_photos(path) for path in {case.capture for case, _ in cases}}
+    rows = machine.map_in_threads(
+        lambda one: rows_of(*one, clean[one[0].capture]), cases, threads=2
+    )
+    return pd.concat([known, pd.DataFrame([row for each in rows for row in each])])
+
+
+def shared_of(case):
+    """What says which case a row is of."""
+    return {
+        "capture": case.capture.name,
+        "seed": case.seed,
+        "faults": "+".join(name for name, _ in case.plants),
+        "strengths": "+".join(str(place) for _, place in case.plants),
+    }
+
+
+def rows_of(case, folder, clean):
+    """The rows of a case."""
+    told = json.loads((folder / planted.DONE).read_text())
+    shared = shared_of(case) | {"refused": told["refused"]}
+    if told["refused"]:
+        return [shared | {"reading": "ours"}, shared | {"reading": "renders"}]
+    shared["score_db"] = score_db(folder, clean)
+    own = folder / "round0"
+    rows = []
+    for reading, scene in (("ours", folder), ("renders", as_renders(folder))):
+        if reading == "ours" and any(
+            faults.PLANTS[name].after for name, _ in case.plants
+        ):
+            continue
+        known, _ = evidence.read(scene, scene / "round0", overfit=own / "overfit.csv")
+        rows.append(shared | {"reading": reading} | flat(known))
+    return rows
+
+
+def clean_photos(capture):
+    """{name: photo} of a capture."""
+    names = prepared.read_cameras(capture / "cameras.npz")["names"].tolist()
+    return {name: images.read(capture / "images" / f"{name}.png") for name in names}
+
+
+def score_db(folder, clean):
+    """Mean PSNR of held-out renders by the photos without a fault."""
+    scores = []
+    for path in sorted((folder / "round0" / "renders" / "test").glob("*.png")):
+        photo, render = clean[path.stem.removesuffix("_copy")], images.read(path)
+        photo = prepare.shrink(photo, *render.shape[1::-1])
+        error = np.square((photo.astype(float) - render) / 255).mean()
+        scores.append(-10 * math.log10(max(error, 1e-10)))
+    return float(np.mean(scores))
+
+
+def as_renders(folder):
+    """The scene as `make judge` would have it: nothing of the training is known."""
+    place = folder / "as_renders"
+    base = place / "round0"
+    base.mkdir(parents=True, exist_ok=True)
+    (base / "timing.json").write_text(json.dumps(TIMING))
+    told = json.loads((folder / "poses.json").read_text())
+    told["external_renders"] = JUDGED._asdict()
+    (place / "poses.json").write_text(json.dumps(told))
+    links = [folder / name for name in ("images", "cameras.npz")]
+    links += [one for one in (folder / "round0").iterdir() if one.name != "timing.json"]
+    for one in links:
+        link = (base if one.parent.name == "round0" else place) / one.name
+        if not link.exists():
+            link.symlink_to(one.resolve())
+    return place
+
+
+def flat(known):
+    """An Evidence as cells of a table; {} of what it has not."""
+    cells = {}
+    for key, value in known._asdict().items():
+        if key == "octaves":
+            cells |= {f"octave_{i + 1}": one for i, one in enumerate(value)}
+        elif key == "pairs":
+            cells |= {"pairs_count": value.count, "pairs_wrong": len(value.faults)}
+        elif key == "matches" and value:
+            for name, one in value._asdict().items():
+                if isinstance(one, Lens):
+                    own = one._asdict() | {"changed": " ".join(one.changed)}
+                    cells |= {f"{name}_{part}": v for part, v in own.items()}
+                elif name not in ("lens", "left"):
+                    cells[f"matches_{name}"] = one
+        elif isinstance(value, int | float):
+            cells[key] = value
+    return {
+        key: float(f"{value:.4g}") if isinstance(value, float) else value
+        for key, value in cells.items()
+    }
+
+
+def evidence_of(row):
+    """The `Evidence` of a row of the table."""
+    known = {key: row[key] for key in of_causes.Evidence._fields if key in row}
+    octaves = tuple(row[f"octave_{i}"] for i in range(1, 6))
+    wrong, count = int(row["pairs_wrong"]), int(row["pairs_count"])
+    checked = pairs.Checked(count, {str(i): ("swapped", "") for i in range(wrong)})
+    known |= {"octaves": octaves, "pairs": checked, "crops": None, "by_colmap": None}
+    depth = row.get("depth")
+    judged = JUDGED._replace(depth=depth) if isinstance(depth, str) else JUDGED
+    known["judged"] = judged if row["reading"] == "renders" else None
+    known["matches"] = matches_of(row)
+    whole = ("train_views", "test_views", "registered", "total", "copies")
+    known |= {key: int(row[key]) for key in (*whole, "hidden_views")}
+    return of_causes.Evidence(**known)
+
+
+def matches_of(row):
+    if not isinstance(row.get("matches_accepted"), bool | np.bool_):
+        return None
+    lenses = {}
+    for name in ("lens", "left"):
+        own = {key: row[f"{name}_{key}"] for key in Lens._fields}
+        if math.isfinite(own["before_px"]):
+            changed = own["changed"]
+            own["changed"] = changed.split() if isinstance(changed, str) else []
+            lenses[name] = Lens(**own)
+    own = {
+        key: row[f"matches_{key}"]
+        for key in of_causes.Matches._fields
+        if key not in ("lens", "left")
+    }
+    flags = {key: bool(own[key]) for key in ("accepted", "applied")}
+    return of_causes.Matches(**own | flags | lenses)
+
+
+def there_of(row):
+    """The causes of each planted fault; any one of them names it."""
+    names = row["faults"].split("+")
+    return [
+        OTHERS.get(name) or faults.PLANTS[name].causes
+        for name in names
+        if name != "nothing"
+    ]
+
+
+class Judged(NamedTuple):
+    """What was found, the gravest first, of what is there; own: true of the capture."""
+
+    found: list
+    there: list
+    own: set
+
+    @property
+    def first_is_right(self):
+        named = [name for name in self.found if name not in FACTS | self.own]
+        named = named or self.found
+        return bool(named) and any(named[0] in own for own in self.there)
+
+    @property
+    def missed(self):
+        return [own for own in self.there if not set(own) & set(self.found)]
+
+    @property
+    def false(self):
+        right = {name for own in self.there for name in own}
+        return [name for name in self.found if name not in right | FACTS | self.own]
+
+
+def judged(case):
+    """`Judged` of (Evidence or None where the capture was refused, there)."""
+    known, there, own = case
+    if known is None:
+        return Judged(["refused"], [(*one, "refused") for one in there], own)
+    return Judged([one.cause.name for one in causes.find(known)], there, own)
+
+
+def loss_of(cases, strong):
+    """How bad limits are: strong faults not named first, false causes, missed ones."""
+    total = 0.0
+    for case, is_strong in zip(cases, strong, strict=True):
+        one = judged(case)
+        total += len(one.false) + 0.1 * len(one.missed)
+        total += bool(one.there) and is_strong and not one.first_is_right
+    return total
+
+
+def fitted(cases, strong):
+    """{(module, name): value} by coordinate descent, from the limits as they are.
+
+    Of the values that are equally good the one in the middle is taken.
+    """
+    now = {key: getattr(*key) for key in LIMITS}
+    with restored():
+        for _ in range(SWEEPS):
+            for key in LIMITS:
+                tried = [
+                    min(factor * now[key], 0.95 if key in FRACTIONS else math.inf)
+                    for factor in FACTORS
+                ]
+                losses = []
+                for value in tried:
+                    setattr(*key, value)
+                    losses.append(loss_of(cases, strong))
+                best = np.flatnonzero(np.isclose(losses, min(losses)))
+                now[key] = tried[best[len(best) // 2]]
+                setattr(*key, now[key])
+    return now
+
+
+@contextlib.contextmanager
+def restored():
+    """The limits as they are now, again at the end."""
+    before = {key: getattr(*key) for key in LIMITS}
+    try:
+        yield
+    finally:
+        for key, value in before.items():
+            setattr(*key, value)
+
+
+def left_out(table):
+    """The table with what each row was judged by limits of all other captures."""
+    cases = [of_row(row) for row in table.to_dict("records")]
+    strong = is_strong(table)
+    found = [None] * len(table)
+    for capture in sorted(set(table["capture"])):
+        own = (table["capture"] == capture).to_numpy()
+        chosen = np.flatnonzero(~own)
+        limits = fitted([cases[i] for i in chosen], strong[chosen])
+        with restored():
+            for key, value in limits.items():
+                setattr(*key, value)
+            for i in np.flatnonzero(own):
+                found[i] = judged(cases[i])
+        print(
+            capture,
+            {
+                f"{m.__name__.split('.')[-1]}.{n}": round(v, 4)
+                for (m, n), v in limits.items()
+            },
+            flush=True,
+        )
+    return found, strong
+
+
+def whole(table):
+    """The limits that all captures together ask for."""
+    cases = [of_row(row) for row in table.to_dict("records")]
+    return fitted(cases, is_strong(table))
+
+
+def of_row(row):
+    refused = isinstance(row["refused"], str)
+    known = None if refused else evidence_of(row)
+    return known, there_of(row), OWN.get(row["capture"], set())
+
+
+def is_strong(table):
+    """[n] whether a fault costs enough of the held-out score, or stops a judgement."""
+    own = table[table["faults"] == "nothing"]
+    usual = own.groupby("capture")["score_db"].mean()
+    cost = table["capture"].map(usual) - table["score_db"]
+    return (table["refused"].notna() | (cost >= STRONG_DB)).to_numpy()
+
+
+def by_capture(table):
+    """A row for each capture and reading: how often it was judged rightly."""
+    rows = []
+    for (capture, reading), own in table.groupby(["capture", "reading"], sort=False):
+        rows.append({"capture": capture, "reading": reading} | counted(own))
+    rows += [
+        {"capture": "all", "reading": reading} | counted(own)
+        for reading, own in table.groupby("reading", sort=False)
+    ]
+    return pd.DataFrame(rows)
+
+
+def by_fault(table):
+    """A row for each fault alone and for two at once."""
+    rows = []
+    for name, own in table.groupby("faults", sort=False):
+        row = {"fault": name.replace("+", " and "), "cases": len(own)}
+        strong = own[own["strong"]]
+        row |= {"strong": len(strong), "first": int(strong["first_is_right"].sum())}
+        row |= {"missed": int(strong["missed"].sum()), "false": int(own["false"].sum())}
+        rows.append(row)
+    return pd.DataFrame(rows)
+
+
+def counted(own):
+    """What rows of the table come to, with Wilson's intervals in percent."""
+    planted_ones = own["faults"] != "nothing"
+    strong, clean = own[planted_ones & own["strong"]], own[~planted_ones]
+    first, quiet = strong["first_is_right"].sum(), (clean["found_count"] == 0).sum()
+    found = {"cases": len(own)}
+    for name, right, of in (("first", first, strong), ("quiet", quiet, clean)):
+        low, high = wilson(right, len(of))
+        found |= {name: int(right), f"{name}_of": len(of)}
+        found |= {f"{name}_low": round(100 * low), f"{name}_high": round(100 * high)}
+    return found | {"false_each": round(own["false"].mean(), 3)}
+
+
+def wilson(right, count, z=1.96):
+    """95 % interval of a share (Wilson 1927); all of it where nothing was counted."""
+    if not count:
+        return 0.0, 1.0
+    share, spread = right / count, z**2 / count
+    middle = share + spread / 2
+    reach = z * math.sqrt(share * (1 - share) / count + spread / count / 4)
+    return (middle - reach) / (1 + spread), (middle + reach) / (1 + spread)
+
+
+def main(argv=None):
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("what", choices=("collect", "fit"))
+    parser.add_argument("paths", type=Path, nargs="+")
+    parser.add_argument("--captures", type=Path, nargs="+", default=[])
+    parser.add_argument("--out", type=Path)
+    args = parser.parse_args(argv)
+    if args.what == "collect":
+        known = pd.read_csv(args.out, comment="#") if args.out.is_file() else None
+        collect(args.paths[0], args.captures, known).to_csv(args.out, index=False)
+        return
+    table = pd.concat(
+        [pd.read_csv(path, comment="#") for path in args.paths], ignore_index=True
+    )
+    found, strong = left_out(table)
+    table["strong"] = strong
+    table["found"] = [", ".join(one.found) for one in found]
+    table["first_is_right"] = [one.first_is_right for one in found]
+    table["false"] = [len(one.false) for one in found]
+    table["missed"] = [len(one.missed) for one in found]
+    table["found_count"] = [len({*one.found} - FACTS - one.own) for one in found]
+    by_capture(table).to_csv(args.out / "verdicts.csv", index=False)
+    by_fault(table).to_csv(args.out / "verdict_faults.csv", index=False)
+    table[OUTCOME].to_csv(args.out / "outcomes.csv", index=False)
+    named = {f"{m.__name__}.{n}": value for (m, n), value in whole(table).items()}
+    print("of all captures:", json.dumps(named, indent=1))
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,117 @@
+"""Planted faults are what they say, and limits are judged by captures left out."""
+
+import math
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from alignerf.causes import exposure
+from tests import judged_cases
+from tests.alignerf.causes.cases import THEIRS
+from tests.alignerf.sfm import made
+from tools.bench import faults, limits, planted
+
+COUNT = 12
+
+
+@pytest.fixture
+def capture(rng):
+    cameras = made.cameras(COUNT)
+    photos = [judged_cases.picture(60 + i, (160, 120)) for i in range(COUNT)]
+    return faults.Capture(
+        names=[f"v{i:02}" for i in range(COUNT)],
+        split=np.array(["test" if i % 8 == 0 else "train" for i in range(COUNT)]),
+        photos=np.array(photos),
+        pixtocams=cameras.pixtocams * np.array([4.0, 4.0, 1.0]),
+        camtoworlds=cameras.camtoworlds,
+        points=rng.normal(scale=0.3, size=(200, 3)),
+    )
+
+
+@pytest.mark.parametrize(
+    "name", [name for name, one in faults.PLANTS.items() if one.before]
+)
+def test_a_fault_put_in_before_changes_what_it_names_and_no_shape(capture, rng, name):
+    plant = faults.PLANTS[name]
+    kept = capture.photos.copy(), capture.camtoworlds.copy()
+    for strength in plant.strengths:
+        found = plant.before(capture, strength, rng)
+        same = [
+            len(a) == len(b) and np.array_equal(a, b)
+            for a, b in zip(found, capture, strict=True)
+            if not isinstance(a, float)
+        ]
+        assert not (all(same) and found.fraction == 1), strength
+        assert len(found.photos) == len(found.names) == len(found.camtoworlds)
+        assert found.photos.dtype == np.uint8
+        assert np.isfinite(found.camtoworlds).all()
+    # What was given stays.
+    np.testing.assert_array_equal(kept[0], capture.photos)
+    np.testing.assert_array_equal(kept[1], capture.camtoworlds)
+
+
+@pytest.mark.parametrize(
+    "name", [name for name, one in faults.PLANTS.items() if one.after]
+)
+def test_a_fault_put_in_after_changes_renders(capture, rng, name):
+    plant, depth = faults.PLANTS[name], np.full((COUNT, 120, 160), 4.0)
+    for strength in plant.strengths:
+        renders, near = plant.after(capture.photos, depth, strength, rng)
+        assert renders.shape == capture.photos.shape
+        assert renders.dtype == np.uint8
+        assert (renders != capture.photos).any()
+        assert (near.min() < 1) == (name == "floaters")
+
+
+def test_a_moving_patch_moves_by_its_length(capture, rng):
+    moved = faults.moving(capture, 5.0, rng).photos
+    share = (moved != capture.photos).any(axis=-1).mean()
+    assert 0.05 < share < 0.9
+
+
+def test_cases_are_those_of_the_registry():
+    found = planted.cases([Path("a"), Path("b")])
+    assert len({(one.capture, one.name) for one in found}) == len(found)
+    assert {name for one in found for name, _ in one.plants} == {*faults.PLANTS}
+    # What others take renders from comes first.
+    assert all(one.name.startswith("nothing") for one in found[:4])
+
+
+def test_an_evidence_outlives_the_table(tmp_path):
+    row = {"capture": "a", "reading": "renders", "refused": math.nan}
+    row |= {"faults": "poses", "seed": 0, "score_db": 20.0} | limits.flat(THEIRS)
+    pd.DataFrame([row]).to_csv(tmp_path / "rows.csv", index=False)
+    (again,) = pd.read_csv(tmp_path / "rows.csv").to_dict("records")
+    found = limits.evidence_of(again)
+    assert found.octaves == pytest.approx(THEIRS.octaves)
+    assert found.flow_train_px == THEIRS.flow_train_px
+    assert found.matches is None
+
+
+def test_wilson_s_interval():
+    assert limits.wilson(0, 0) == (0.0, 1.0)
+    low, high = limits.wilson(19, 20)
+    assert (round(low, 3), round(high, 3)) == (0.764, 0.991)
+    assert limits.wilson(20, 20)[1] == pytest.approx(1.0)
+
+
+def test_limits_are_fitted_without_the_capture_that_they_judge(monkeypatch):
+    """One capture whose exposure is 0.09 without a fault moves the others' limit."""
+    monkeypatch.setattr(limits, "LIMITS", [(exposure, "EXPOSURE_EV")])
+    rows = []
+    for capture, usual in (("a", 0.09), ("b", 0.01), ("c", 0.01)):
+        for name, more in (("nothing", 0.0), ("exposure", 0.11)):
+            known = THEIRS._replace(exposure_ev=usual + more, shared_ev=math.nan)
+            row = {"capture": capture, "reading": "renders", "refused": math.nan}
+            row |= {"faults": name, "seed": 0, "score_db": 20.0 - 10 * more}
+            rows.append(row | limits.flat(known))
+    table = pd.DataFrame(rows)
+    before = exposure.EXPOSURE_EV
+    found, strong = limits.left_out(table)
+    assert before == exposure.EXPOSURE_EV
+    assert strong.tolist() == [False, True] * 3
+    # It is judged by limits that know nothing like it.
+    assert [one.found for one in found[:2]] == [["exposure"], ["exposure"]]
+    assert [one.found for one in found[2:]] == [[], ["exposure"]] * 2
