@@ -43,7 +43,9 @@ def source(e):
     """
     if shift.by_crops(e) and e.crops.camera_px > e.crops.remainder_px:
         return "crops"
-    if shift.misaligned(e) and not shift.too_short(e) and e.camera_px > PART_PX:
+    # Matches that find nothing to correct are the witness that denies it.
+    denied = e.matches and not e.matches.accepted
+    if shift.misaligned(e) and e.camera_px > PART_PX and not denied:
         return "flow"
     if shift.poses_off(e):
         return "matches"
@@ -65,17 +67,15 @@ def is_shared(e):
 
 def decide(e):
     """(size in px of the training, whether it is sure); None where poses are right."""
-    # Matches that find nothing to correct are the witness that denies it.
-    denied = e.judged and e.matches and not e.matches.accepted
     shown = source(e)
     if shown == "flow" and is_shared(e):
         shown = "matches" if shift.poses_off(e) else None
     if shown == "crops":
         sure = e.crops.low_px > shift.CROP_PX
-        return e.crops.camera_px / e.photo_px, sure and not denied
+        return e.crops.camera_px / e.photo_px, sure
     if shown == "flow":
         sure = e.camera_px > 2 * PART_PX or shift.poses_off(e)
-        return e.camera_px, sure and not denied
+        return e.camera_px, sure
     if shown == "matches":
         return e.matches.pose_error_px / e.photo_px, False
     if shown == "points":

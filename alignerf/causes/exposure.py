@@ -33,7 +33,8 @@ CHANGES = base.Cause(
     order=(6, 9, 5),
     label="exposure",
     unit="stops",
-    explains=("sparse", "motion"),
+    explains=("sparse",),
+    explains_now=lambda e: e.exposure_ev > 2 * EXPOSURE_EV,
     spoils="brightness changes between photos",
     # What points share is blurred by wrong poses; what all renders show is not.
     stands=lambda e: e.exposure_ev > EXPOSURE_EV,

@@ -2,8 +2,8 @@
 
 from alignerf.causes import base
 
-# Of the views, those of which a floater hides a part.
-FLOATER_VIEWS = 0.04
+# Of the views, those of which a floater hides a part; and as many at the least.
+FLOATER_VIEWS, MIN_VIEWS = 0.04, 2
 
 
 def share(e):
@@ -20,7 +20,9 @@ CAUSE = base.Cause(
     value=share,
     limit=lambda e: FLOATER_VIEWS,
     looked_for=lambda e: bool(e.judged and e.judged.depth == "given"),
-    decide=lambda e: CAUSE.beyond(e) if CAUSE.looked_for(e) else None,
+    decide=lambda e: (
+        CAUSE.beyond(e) if CAUSE.looked_for(e) and e.hidden_views >= MIN_VIEWS else None
+    ),
     called="floaters {probably}hide parts of views",
     sentence="Floaters {probably}hide parts of {e.hidden_views} views: something is "
     "rendered close to the camera that the photo does not show.",

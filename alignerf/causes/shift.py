@@ -28,9 +28,9 @@ FEW_TEST_VIEWS, FEW_TRAIN_VIEWS = 5, 12
 FEW_EPOCHS = 0.5
 # Of the matches' error, what wrong poses leave once they are corrected.
 LEFT = 0.4
-# Detail of another program's renders over their photos', of the three finest octaves
-# the one that has most.
-MIN_DETAIL = 0.5
+# Detail of another program's renders over their photos': in the second finest octave,
+# and in the finest over the third, which renders of half the size have 0.35 of.
+MIN_DETAIL, MIN_FINEST = 0.4, 0.3
 
 
 def told_px(overfit_px):
@@ -50,8 +50,19 @@ def too_short(e):
     these blur renders, too.
     """
     if e.judged:
-        return max(e.octaves[:3]) < MIN_DETAIL and not explained_by_poses(e)
+        is_soft = e.octaves[1] < MIN_DETAIL and not is_smaller(e)
+        return is_soft and not explained_by_poses(e)
     return e.epochs < FEW_EPOCHS / 2
+
+
+def finest(e):
+    """Detail of renders over photos in the finest octave, over that in the third."""
+    return e.octaves[0] / max(e.octaves[2], 1e-6)
+
+
+def is_smaller(e):
+    """Whether another program's renders are of smaller photos: an octave is missing."""
+    return finest(e) < MIN_FINEST
 
 
 def poses_off(e):

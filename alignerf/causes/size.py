@@ -1,24 +1,14 @@
 """Renders are of smaller photos than these: their detail ends an octave early."""
 
-from alignerf.causes import base
-
-# Detail of renders over photos in the finest octave, over that in the third. Renders of
-# half the size have 0.35 of it.
-FINEST = 0.3
-
-
-def finest(e):
-    """The finest octave's detail over the third's."""
-    return e.octaves[0] / max(e.octaves[2], 1e-6)
-
+from alignerf.causes import base, shift
 
 CAUSE = base.Cause(
     name="half_size",
     order=(16, 5.5, 1.5),
     label="size of the photos that were trained on",
     unit="of the finest octave",
-    value=finest,
-    limit=lambda e: FINEST,
+    value=shift.finest,
+    limit=lambda e: shift.MIN_FINEST,
     more_is_better=True,
     explains=("motion",),
     spoils="renders are of smaller photos",

@@ -6,8 +6,8 @@ from alignerf.causes import base, shift
 LONGER_DB = 0.3
 
 # What renders of too short a training do not tell: they are blurred, which moves flows.
-EXPLAINS = ("camera", "motion", "sparse", "lens_shift", "lens_distortion", "half_size")
-EXPLAINS += ("floaters", "blurred")
+EXPLAINS = ("camera", "motion", "sparse", "lens_shift", "lens_distortion", "floaters")
+EXPLAINS += ("blurred",)
 SPOILS = "training was too short"
 
 OURS = base.Cause(
@@ -28,33 +28,26 @@ OURS = base.Cause(
     advice="train longer first: more steps, or budget_min. Twice the steps brought "
     f"{LONGER_DB} dB on the demo's scene.",
 )
-
-
-def detail(e):
-    """How much of the photos' detail the renders have, in the octave that has most."""
-    return max(e.octaves[:3])
-
-
 OTHERS = base.Cause(
     name="undertrained_renders",
     order=(12, 0, 0),
     label="length of training, by its renders",
     unit="of the photos' detail",
-    value=detail,
+    value=lambda e: e.octaves[1],
     limit=lambda e: shift.MIN_DETAIL,
     more_is_better=True,
-    decide=lambda e: (detail(e), False) if e.judged and shift.too_short(e) else None,
+    decide=lambda e: (e.octaves[1], False) if e.judged and shift.too_short(e) else None,
     detectable=lambda e: not shift.explained_by_poses(e),
     looked_for=lambda e: bool(e.judged),
     explains=EXPLAINS,
     spoils=SPOILS,
     says=lambda e: (
-        f"renders have {base.number(detail(e))} of the photos' detail, "
+        f"renders have {base.number(e.octaves[1])} of the photos' detail, "
         f"{shift.MIN_DETAIL:g} is enough"
     ),
     called="trained {probably}too short",
     sentence="Training was {probably}too short: renders have {value:.2g} of their "
-    "photos' detail, fine and coarse, and matches find no wrong poses.",
+    "photos' detail, at two to four pixels, and matches find no wrong poses.",
     advice="train longer first.",
     advice_external="train longer first, then judge again: blurred renders tell "
     "nothing of alignment.",

@@ -3,8 +3,8 @@
 import cv2
 import numpy as np
 
-# Small pictures of this side; copies differ by fewer levels of 8 bits, root mean square.
-# JPEG of quality 75 comes to 0.8, neighbours of six real captures to 3.5 and more.
+# Small pictures of this side; copies differ by fewer levels of 8 bits (RMS): JPEG of
+# quality 75 comes to 0.8, neighbours of six captures to 3.5 and more.
 SIDE_PX, LEVELS = 32, 1.5
 
 

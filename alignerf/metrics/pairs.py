@@ -58,7 +58,8 @@ ADVICE = {
     "flat": "look at the renders: the training may have failed.",
     "empty": "render whole photos; what has to stay empty gets an alpha of 0.",
     "swapped": "give each render the name of its photo, and judge again.",
-    "turned": "turn the renders as their photos lie: EXIF may say how, or cameras.",
+    "turned": "turn photos and renders alike: EXIF may say how, or cameras. A mirrored "
+    "photo is of another place to all programs.",
     "strange": "give photos and renders of one capture.",
     "bright": "give renders as PNG or JPEG in sRGB, as the photos are.",
 }
@@ -81,6 +82,11 @@ class Checked(NamedTuple):
 
     count: int
     faults: dict
+
+    def only(self, kind):
+        """The same with faults of one kind alone."""
+        faults = {view: one for view, one in self.faults.items() if one[0] == kind}
+        return self._replace(faults=faults)
 
     @property
     def stops(self):

@@ -121,17 +121,18 @@ def read(scene, base, *, overfit=None, crops=(None, None), before=None):
     loaded = prepared.load(scene)
     poses = json_files.read(scene / "poses.json", POSES)
     rays_seen = json_files.read(base / "timing.json", TIMING)["rays_seen"]
-    look = None
-    if rays_seen is None:
-        # Another program's: its black borders may be all of what a photo shows.
-        told = poses.get("external_renders")
-        look = partial(pairs.look, whole=bool(told and not told.get("transparent")))
+    told = poses.get("external_renders")
+    # Another program's black borders may be all of what a photo shows.
+    look = partial(pairs.look, whole=bool(told and not told.get("transparent")))
     found = read_views(loaded, base, look)
     rows = [one.row for one in found]
     looked = {one.row.view: one.pair for one in found if one.pair}
     shared = spread(exposure.stops([one.sampled for one in found]))
     main = [row.view for row in rows if row.split == "train"] or list(looked)
     checked = pairs.check(looked, main)
+    if rays_seen is not None:
+        # Ours are renders of their photos; of photos that are mirrored they may not be.
+        checked = checked.only("turned")
     # Pairs that are none are left out, unless there are too many of them.
     bad = () if checked.stops else checked.faults
     # What else stands out about a pair that is none, or among such, follows from that.

@@ -29,7 +29,6 @@ from alignerf.causes import (
     lens,
     motion,
     shift,
-    size,
 )
 from alignerf.io import images, machine
 from alignerf.metrics import pairs
@@ -44,14 +43,13 @@ TIMING = {"rays_seen": None}
 STRONG_DB = 0.3
 # What is fitted: (module, name).
 LIMITS = [
-    *((shift, name) for name in ("MIN_DETAIL", "ALIGNED_PX")),
+    *((shift, name) for name in ("MIN_DETAIL", "MIN_FINEST", "ALIGNED_PX")),
     *((camera, name) for name in ("PART_PX",)),
     *((motion, name) for name in ("MOVED_FRACTION", "MOVED_ANYWAY")),
     *((lens, name) for name in ("SHIFT_PX", "LENS_PX", "LENS_FRACTION")),
     *((lens, name) for name in ("ALONE_FRACTION",)),
     *((exposure, name) for name in ("EXPOSURE_EV", "SHARED_EV", "TONE_EV")),
     *((coverage, name) for name in ("GAP_DB", "TEST_OVER_TRAIN")),
-    (size, "FINEST"),
     (blur, "BLURRED_VIEWS"),
     (floaters, "FLOATER_VIEWS"),
 ]
@@ -66,8 +64,9 @@ OTHERS = {
     "a phone's poses": ("camera", "lens_shift"),
     "a lost view": ("pairs", "floaters"),
 }
-# Of treehill grass and leaves move.
-OWN = {"treehill": {"motion"}}
+# True of captures as they are: grass and leaves move; brightness changes, which
+# matches between photos show, too.
+OWN = {"treehill": {"motion", "exposure"}, "castle": {"exposure"}}
 
 
 def collect(out, captures, known=None):

@@ -78,7 +78,7 @@ OF_RENDERS = {
     "tone": {"tone_gain_ev": 0.33},
     "half_size": {"octaves": (0.1, 0.7, 0.97, 0.98, 1.0)},
     "floaters": {"hidden_views": 9},
-    "undertrained_renders": {"octaves": (0.1, 0.2, 0.3, 0.5, 0.7)},
+    "undertrained_renders": {"octaves": (0.2, 0.2, 0.3, 0.5, 0.7)},
 }
 # What a training that is too short does not tell.
 BY_FLOW = {"camera", "motion", "sparse", "lens_shift", "lens_distortion", "blurred"}

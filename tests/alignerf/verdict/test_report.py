@@ -355,12 +355,15 @@ def test_numbers_have_two_digits(value, text):
 
 def test_what_is_sure_is_cured_before_what_is_probable():
     """A splat of fox with wrong poses was advised to fix its exposure."""
-    both = FAULTS["camera"] | {"shared_ev": 1.1 * exposure.SHARED_EV}
+    both = FAULTS["camera"] | {"exposure_ev": 1.1 * exposure.EXPOSURE_EV}
     accepted = base.Matches(True, False, 2.0, 0.5, 3.0, 6.0)
     e = WELL._replace(**both, matches=accepted)
     levels_of = {one.cause.name: one.sure for one in causes.find(e)}
     assert levels_of["camera"]
     assert not levels_of["exposure"]
     assert "exposure" not in advised(e)
-    surely = e._replace(shared_ev=3 * exposure.SHARED_EV)
+    surely = e._replace(exposure_ev=3 * exposure.EXPOSURE_EV)
     assert "exposure" in advised(surely)
+    # What points share says nothing beside poses that blur it.
+    shared = e._replace(exposure_ev=0.0, shared_ev=3 * exposure.SHARED_EV)
+    assert "exposure" not in cases.named(shared)
