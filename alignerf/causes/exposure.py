@@ -33,7 +33,7 @@ CHANGES = base.Cause(
     order=(6, 9, 5),
     label="exposure",
     unit="stops",
-    explains=("sparse",),
+    explains=("sparse", "motion"),
     explains_now=lambda e: e.exposure_ev > 2 * EXPOSURE_EV,
     spoils="brightness changes between photos",
     # What points share is blurred by wrong poses; what all renders show is not.
@@ -74,13 +74,15 @@ def toned(e, probably):
 
 TONE = base.Cause(
     name="tone",
-    order=(13, 12, 4.5),
+    order=(13, 5.1, 4.5),
     label="tone of all renders",
     unit="stops",
     value=lambda e: max(curve(e).values()),
     limit=lambda e: TONE_EV,
     decide=lambda e: TONE.beyond(e) if e.judged else None,
     looked_for=lambda e: bool(e.judged),
+    explains=("sparse", "lens_shift", "lens_distortion"),
+    spoils="renders have another tone",
     called="renders {probably}have another tone than their photos",
     sentence=toned,
     advice="",

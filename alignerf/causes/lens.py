@@ -6,18 +6,20 @@ the shift or the bend that all flows share tells it, of which a model absorbs mo
 
 import math
 
-from alignerf.causes import base
+from alignerf.causes import base, shift
 
 # Common to all views' flows, and beyond so many standard errors. A model absorbs nine
 # tenths of a shift.
 SHIFT_PX, BEND_PX, LENS_ERRORS = 0.045, 0.08, 3.0
+# And most of what photos are apart by.
+SHIFT_FRACTION = 0.5
 # By matches, in px of the photo at its corner; a focal length by as much.
 LENS_PX = 1.0
 # Of what any correction takes from the matches' error: from here on the lens has a part
 # in it, and the poses have none.
 LENS_FRACTION, ALONE_FRACTION = 0.4, 0.8
 # What a wrong lens looks like in flows.
-EXPLAINS = ("camera", "motion", "sparse")
+EXPLAINS = ("camera", "motion", "sparse", "half_size")
 SPOILS = "the lens is not the one that the cameras say"
 CORRECTED = "train again with the corrected cameras: `{export}` writes them."
 
@@ -80,6 +82,8 @@ def beyond_error(px, errors, limit_px):
 def shifted(e):
     """All photos are shifted alike: the lens, or the origin of pixels."""
     by_flows = beyond_error(e.shift_px, e.shift_errors, SHIFT_PX)
+    if e.shift_px < SHIFT_FRACTION * shift.flow_px(e):
+        by_flows = None
     if e.matches and e.matches.lens and not e.judged:
         # Our trainings see the photos by the cameras that matches have tested.
         by_flows = None

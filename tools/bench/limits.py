@@ -262,7 +262,8 @@ def loss_of(cases, strong):
 def fitted(cases, strong):
     """{(module, name): value} by coordinate descent, from the limits as they are.
 
-    Of the values that are equally good the one in the middle is taken.
+    Of the values that are equally good the one in the middle is taken; where they have
+    no end on one side, the one that is nearest to the limit as it is.
     """
     now = {key: getattr(*key) for key in LIMITS}
     with restored():
@@ -277,7 +278,10 @@ def fitted(cases, strong):
                     setattr(*key, value)
                     losses.append(loss_of(cases, strong))
                 best = np.flatnonzero(np.isclose(losses, min(losses)))
-                now[key] = tried[best[len(best) // 2]]
+                chosen = best[len(best) // 2]
+                if best[0] == 0 or best[-1] == len(tried) - 1:
+                    chosen = best[np.abs(best - len(tried) // 2).argmin()]
+                now[key] = tried[chosen]
                 setattr(*key, now[key])
     return now
 

@@ -63,7 +63,7 @@ FAULTS = {
     "motion": {"moved_fraction": 0.1},
     "sparse": {"flow_test_px": 2.0, "psnr_test_db": 17.0},
     "few_views": {"test_views": 2},
-    "lens_shift": {"shift_px": 0.5, "shift_errors": 20.0},
+    "lens_shift": {"shift_px": 0.7, "shift_errors": 20.0},
     "lens_distortion": {"distortion_px": 0.8, "distortion_errors": 9.0},
     "blurred": {"blurred_fraction": 0.2},
     "exposure": {"exposure_ev": 0.2},
