@@ -259,32 +259,29 @@ def next_ones(renders, share):
     return found
 
 
-CAMERAS = ("camera", "focal", "lens_distortion", "lens_shift")
 TONE = ("tone",)
 PLANTS = {
     "nothing": Plant((), (0.0,), ""),
     "poses": Plant(("camera",), (1.0, 2.5, 6.0), "px", before=turned),
     "focal": Plant(
-        ("focal", "camera"),
+        ("focal",),
         (1.01, 1.03, 1.08),
         "times",
         before=lambda capture, times, rng: lens_changed(capture, focal=times),
     ),
     "principal point": Plant(
-        ("lens_shift", "camera"),
+        ("lens_shift",),
         (1.5, 4.0, 10.0),
         "px",
         before=lambda capture, px, rng: lens_changed(capture, shift_px=px),
     ),
-    "distortion": Plant(
-        ("lens_distortion", "camera"), (2.0, 5.0, 12.0), "px", before=bent
-    ),
+    "distortion": Plant(("lens_distortion",), (2.0, 5.0, 12.0), "px", before=bent),
     "order": Plant(("camera", "pairs"), (0.1, 0.3, 1.0), "of the cameras", shuffled),
     "blur": Plant(("blurred",), (1.5, 3.0, 6.0), "px", before=blurred),
     "exposure": Plant(("exposure",), (0.1, 0.2, 0.4), "stops", before=exposed),
     "motion": Plant(("motion",), (2.0, 5.0, 10.0), "px", before=moving),
     "rolling shutter": Plant(
-        ("rolling_shutter", "camera"), (2.0, 5.0, 12.0), "px", before=sheared
+        ("rolling_shutter",), (2.0, 5.0, 12.0), "px", before=sheared
     ),
     "mirrored photos": Plant(("pairs",), (0.05, 0.1, 0.2), "of them", before=mirrored),
     "copies": Plant(("copies",), (0.05, 0.1, 0.2), "of them", before=copied),

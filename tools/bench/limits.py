@@ -56,6 +56,15 @@ LIMITS = [
 # What is counted, and so true.
 FACTS = {"few_views", "unregistered"}
 OUTCOME = ["capture", "reading", "seed", "faults", "strengths", "strong", "found"]
+READ_AS = {"ours": "our training", "renders": "its renders"}
+# Of a lens: its column, and what it is shown as.
+LENSES = {
+    "focal": ("focal_ratio", lambda times: times, lambda ratio: 1 / ratio),
+    "principal point": ("centre_px", lambda px: px * 2**0.5, lambda px: px),
+    "distortion": ("distortion_px", lambda px: px, lambda px: px),
+    "rolling shutter": ("shutter_px", lambda px: px, lambda px: px),
+}
+FOUND = ("found", "found_low", "found_high")
 FRACTIONS = {(lens, "LENS_FRACTION"), (lens, "ALONE_FRACTION")}
 FACTORS, SWEEPS = 1.12 ** np.arange(-8, 9), 2
 # Faults of splats, whose photos were left out.
@@ -262,8 +271,7 @@ def loss_of(cases, strong):
 def fitted(cases, strong):
     """{(module, name): value} by coordinate descent, from the limits as they are.
 
-    Of the values that are equally good the one in the middle is taken; where they have
-    no end on one side, the one that is nearest to the limit as it is.
+    Of the values that are equally good the one nearest to the limit as it is is taken.
     """
     now = {key: getattr(*key) for key in LIMITS}
     with restored():
@@ -278,10 +286,7 @@ def fitted(cases, strong):
                     setattr(*key, value)
                     losses.append(loss_of(cases, strong))
                 best = np.flatnonzero(np.isclose(losses, min(losses)))
-                chosen = best[len(best) // 2]
-                if best[0] == 0 or best[-1] == len(tried) - 1:
-                    chosen = best[np.abs(best - len(tried) // 2).argmin()]
-                now[key] = tried[chosen]
+                now[key] = tried[best[np.abs(best - len(tried) // 2).argmin()]]
                 setattr(*key, now[key])
     return now
 
@@ -345,12 +350,13 @@ def is_strong(table):
 def by_capture(table):
     """A row for each capture and reading: how often it was judged rightly."""
     rows = []
-    for (capture, reading), own in table.groupby(["capture", "reading"], sort=False):
-        rows.append({"capture": capture, "reading": reading} | counted(own))
+    for (capture, read_as), own in table.groupby(["capture", "read_as"], sort=False):
+        rows.append({"capture": capture, "read_as": read_as} | counted(own))
     rows += [
-        {"capture": "all", "reading": reading} | counted(own)
-        for reading, own in table.groupby("reading", sort=False)
+        {"capture": "all", "read_as": read_as} | counted(own)
+        for read_as, own in table.groupby("read_as", sort=False)
     ]
+    rows.append({"capture": "all", "read_as": "any"} | counted(table))
     return pd.DataFrame(rows)
 
 
@@ -364,6 +370,22 @@ def by_fault(table):
         row |= {"missed": int(strong["missed"].sum()), "false": int(own["false"].sum())}
         rows.append(row)
     return pd.DataFrame(rows)
+
+
+def by_lens(table):
+    """Lenses that were put in, and what matches alone say they are."""
+    rows = []
+    for name, (column, planted_as, found_as) in LENSES.items():
+        own = table[(table["faults"] == name) & (table["read_as"] == "its renders")]
+        for place, cases in own.groupby(own["strengths"].astype(int)):
+            told = cases["lens_changed"].fillna("").str.contains(column.split("_")[0])
+            values = found_as(cases[f"lens_{column}"][told])
+            strength = faults.PLANTS[name].strengths[place]
+            row = {"fault": name, "planted": planted_as(strength)}
+            row |= {"captures": len(cases), "found_in": int(told.sum())}
+            spread = values.quantile([0.5, 0, 1]) if len(values) else [math.nan] * 3
+            rows.append(row | dict(zip(FOUND, spread, strict=True)))
+    return pd.DataFrame(rows).round(4)
 
 
 def counted(own):
@@ -403,7 +425,10 @@ def main(argv=None):
     table = pd.concat(
         [pd.read_csv(path, comment="#") for path in args.paths], ignore_index=True
     )
+    if "trainer" not in table:
+        table["trainer"] = math.nan
     found, strong = left_out(table)
+    table["read_as"] = table["trainer"].fillna(table["reading"].map(READ_AS))
     table["strong"] = strong
     table["found"] = [", ".join(one.found) for one in found]
     table["first_is_right"] = [one.first_is_right for one in found]
@@ -412,6 +437,7 @@ def main(argv=None):
     table["found_count"] = [len({*one.found} - FACTS - one.own) for one in found]
     by_capture(table).to_csv(args.out / "verdicts.csv", index=False)
     by_fault(table).to_csv(args.out / "verdict_faults.csv", index=False)
+    by_lens(table).to_csv(args.out / "lenses_found.csv", index=False)
     table[OUTCOME].to_csv(args.out / "outcomes.csv", index=False)
     named = {f"{m.__name__}.{n}": value for (m, n), value in whole(table).items()}
     print("of all captures:", json.dumps(named, indent=1))
