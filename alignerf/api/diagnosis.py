@@ -30,8 +30,9 @@ from alignerf.scenes.external import views
 # From OpenCV's axes to OpenGL's, and back.
 FLIP = np.diag([1.0, -1.0, -1.0, 1.0])
 NAME, MODES = "diagnosed", ("camera_to_world", "world_to_camera")
-# The causes that corrected cameras cure, and levels of causes that are named.
-POSES, NAMED = ("camera", "focal", "lens_shift"), ("sure", "likely")
+# The causes that corrected cameras cure, those that they do where matches have found
+# them, and levels of causes that are named.
+POSES, LENS, NAMED = ("camera", "focal"), ("lens_shift",), ("sure", "likely")
 # What exports from the folder that is no more.
 EXPORT = f"make export SCENE={NAME}"
 LINK = re.compile(r'<a href="[\w/.]+"[^>]*>(.*?)</a>', re.DOTALL)
@@ -283,7 +284,9 @@ def report_of(work, paths, cores):
         )
         for one in found["causes"]
     ]
-    wrong = any(one.name in POSES and one.level in NAMED for one in causes)
+    accepted = (found["evidence"]["matches"] or {}).get("accepted")
+    cured = (*POSES, *LENS) if accepted else POSES
+    wrong = any(one.name in cured and one.level in NAMED for one in causes)
     corrected = wrong and "cameras" in paths
     cameras = None
     if corrected:

@@ -27,7 +27,7 @@ def find(e):
     """
     if e.pairs.stops:
         # Too many pairs that are none: nothing else can be told.
-        return [pairs.CAUSE.find(e)]
+        return [pairs.PAIRS.find(e)]
     found = []
     for cause in in_turn():
         finding = cause.find(e)

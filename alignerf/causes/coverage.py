@@ -1,4 +1,4 @@
-"""Photos are too few, too far apart, or in no model."""
+"""Photos are too few, too far apart, or in no model; floaters hang where none is."""
 
 from alignerf.causes import base, shift
 
@@ -103,4 +103,34 @@ UNREGISTERED = base.Cause(
     "overlap with them, or show another place.",
     advice="take photos between those that are left out and the others.",
 )
-CAUSE = [SPARSE, FEW_VIEWS, UNREGISTERED]
+# Of the views, those of which a floater hides a part; and as many at the least.
+FLOATER_VIEWS, MIN_VIEWS = 0.04, 2
+
+
+def hidden(e):
+    """The fraction of the views that a floater hides a part of."""
+    return e.hidden_views / max(e.train_views + e.test_views, 1)
+
+
+FLOATERS = base.Cause(
+    name="floaters",
+    order=(17, 8.5, 5.5),
+    label="floaters",
+    unit="% of the views",
+    scale=lambda e: 100,
+    value=hidden,
+    limit=lambda e: FLOATER_VIEWS,
+    looked_for=lambda e: bool(e.judged and e.judged.depth == "given"),
+    decide=lambda e: (
+        FLOATERS.beyond(e)
+        if FLOATERS.looked_for(e) and e.hidden_views >= MIN_VIEWS
+        else None
+    ),
+    called="floaters {probably}hide parts of views",
+    sentence="Floaters {probably}hide parts of {e.hidden_views} views: something is "
+    "rendered close to the camera that the photo does not show.",
+    advice="",
+    advice_external="take more photos where floaters hang, or prune what is near the "
+    "cameras before exporting the splat.",
+)
+CAUSE = [SPARSE, FEW_VIEWS, UNREGISTERED, FLOATERS]

@@ -1,4 +1,4 @@
-"""Renders of another program that are not those of their photos."""
+"""Renders that are not those of their photos, and photos that lie there twice."""
 
 from alignerf.causes import base
 from alignerf.metrics import pairs
@@ -9,7 +9,7 @@ def share(e):
     return len(e.pairs.faults) / max(e.pairs.count, 1)
 
 
-CAUSE = base.Cause(
+PAIRS = base.Cause(
     name="pairs",
     order=(11, 1, 100),
     label="renders of the right photos",
@@ -25,3 +25,18 @@ CAUSE = base.Cause(
     sentence=lambda e, probably: f"Left out: {pairs.sentence(e.pairs)}.",
     advice="",
 )
+COPIES = base.Cause(
+    name="copies",
+    order=(18, 8.2, 4.2),
+    label="photos that lie there twice",
+    unit="photos",
+    value=lambda e: e.copies,
+    limit=lambda e: 0,
+    decide=lambda e: (e.copies, True) if e.copies else None,
+    called="photos lie there twice",
+    sentence="{e.copies} photos show what another one shows: a held-out photo that was "
+    "also learnt from tests nothing.",
+    advice="leave one of each two copies out.",
+    advice_external="leave one of each two copies out, and train again.",
+)
+CAUSE = [PAIRS, COPIES]

@@ -1,4 +1,4 @@
-"""Training was too short: pixels have hardly been seen."""
+"""Training was too short, or had smaller photos."""
 
 from alignerf.causes import base, shift
 
@@ -52,4 +52,23 @@ OTHERS = base.Cause(
     advice_external="train longer first, then judge again: blurred renders tell "
     "nothing of alignment.",
 )
-CAUSE = [OURS, OTHERS]
+SMALLER = base.Cause(
+    name="half_size",
+    order=(16, 5.5, 1.5),
+    label="size of the photos that were trained on",
+    unit="of the finest octave",
+    value=shift.finest,
+    limit=lambda e: shift.MIN_FINEST,
+    more_is_better=True,
+    explains=("motion",),
+    spoils="renders are of smaller photos",
+    called="training {probably}had smaller photos",
+    sentence="Training {probably}had smaller photos than these: the finest detail of "
+    "renders is {value:.2g} of the coarser.",
+    advice="train at the size of the photos (downscale).",
+    advice_external="train with photos of the size that is judged, or judge with those "
+    "that were trained on: `-r 1` or --downscale-factor 1 of many programs.",
+    looked_for=lambda e: bool(e.judged),
+    decide=lambda e: SMALLER.beyond(e) if e.judged else None,
+)
+CAUSE = [OURS, OTHERS, SMALLER]

@@ -6,7 +6,7 @@ import pandas as pd
 import pytest
 
 from alignerf.causes import camera, motion, shift, training
-from alignerf.page import photos
+from alignerf.page import photos, told
 
 # An answer to how long the demo takes, as README gives it.
 COST = re.compile(r"\d+ to\s+\d+\s+min")
@@ -49,6 +49,19 @@ def test_gains_that_are_advised_with_are_those_measured(measured):
         for name, number in vars(module).items()
         if name.endswith("_DB")
     }
+
+
+def test_the_page_says_how_often_verdicts_were_right(root, page_of):
+    table = pd.read_csv(root / "docs/measured/verdicts.csv", comment="#")
+    own = table[table["capture"] != "all"].groupby("capture")[["first", "first_of"]]
+    sums = own.sum().astype(int)
+    assert {name: (*row,) for name, row in zip(sums.index, sums.values)} == told.RIGHT
+    (every,) = table[table["read_as"] == "any"].to_dict("records")
+    assert f"{told.FALSE_EACH:.2f}" == f"{every['false_each']:.2f}"
+    readme = page_of("README.md")
+    assert f"{every['first']} of {every['first_of']}" in readme
+    for name, (right, of) in told.RIGHT.items():
+        assert f"{name} {right} of {of}" in readme
 
 
 def test_pages_quote_the_same_gains(page_of, measured):

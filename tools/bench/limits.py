@@ -25,7 +25,6 @@ from alignerf.causes import (
     camera,
     coverage,
     exposure,
-    floaters,
     lens,
     motion,
     shift,
@@ -51,7 +50,7 @@ LIMITS = [
     *((exposure, name) for name in ("EXPOSURE_EV", "SHARED_EV", "TONE_EV")),
     *((coverage, name) for name in ("GAP_DB", "TEST_OVER_TRAIN")),
     (blur, "BLURRED_VIEWS"),
-    (floaters, "FLOATER_VIEWS"),
+    (coverage, "FLOATER_VIEWS"),
 ]
 # What is counted, and so true.
 FACTS = {"few_views", "unregistered"}
@@ -388,6 +387,16 @@ def by_lens(table):
     return pd.DataFrame(rows).round(4)
 
 
+def by_splat(table):
+    """Splats of other trainers, one by one."""
+    own = table[table["trainer"].notna()]
+    named = own["found"].replace("", "nothing").str.replace("_", " ")
+    right = ~own["false"].astype(bool) & ~own["missed"].astype(bool)
+    columns = {"splat": own["name"], "trainer": own["trainer"], "there": own["faults"]}
+    columns |= {"named": named, "right": right.map({True: "yes", False: "no"})}
+    return pd.DataFrame(columns)
+
+
 def counted(own):
     """What rows of the table come to, with Wilson's intervals in percent."""
     planted_ones = own["faults"] != "nothing"
@@ -437,6 +446,7 @@ def main(argv=None):
     table["found_count"] = [len({*one.found} - FACTS - one.own) for one in found]
     by_capture(table).to_csv(args.out / "verdicts.csv", index=False)
     by_fault(table).to_csv(args.out / "verdict_faults.csv", index=False)
+    by_splat(table).to_csv(args.out / "splat_verdicts.csv", index=False)
     by_lens(table).to_csv(args.out / "lenses_found.csv", index=False)
     table[OUTCOME].to_csv(args.out / "outcomes.csv", index=False)
     named = {f"{m.__name__}.{n}": value for (m, n), value in whole(table).items()}

@@ -1,0 +1,56 @@
+"""Rules are held to the cases into which faults were planted: planted.csv beside this.
+
+`tools.bench.limits` has collected their evidence; docs/evidence/verdict.md tells of it.
+"""
+
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from tools.bench import limits
+
+TABLE = pd.read_csv(Path(__file__).with_name("planted.csv"), comment="#")
+
+
+@pytest.fixture(scope="module")
+def outcomes():
+    rows = TABLE.to_dict("records")
+    return [limits.judged(limits.of_row(row)) for row in rows], limits.is_strong(TABLE)
+
+
+def test_what_costs_enough_is_named_first(outcomes):
+    found, strong = outcomes
+    named = [
+        one.first_is_right
+        for one, is_strong in zip(found, strong, strict=True)
+        if is_strong and one.there
+    ]
+    assert len(named) > 200
+    assert np.mean(named) >= 0.93
+
+
+def test_little_else_is_named(outcomes):
+    found, _ = outcomes
+    assert np.mean([len(one.false) for one in found]) <= 0.08
+    clean = [one for one in found if not one.there]
+    assert np.mean([not one.false for one in clean]) >= 0.95
+
+
+def test_a_splat_s_own_size_poses_and_length_are_told():
+    """By their names in docs/evidence/splats.md."""
+    splats = TABLE[TABLE["trainer"].notna()].set_index("name")
+    assert {*splats["trainer"]} == {"gsplat", "OpenSplat"}
+    for name, cause in (
+        ("fox_given", None),
+        ("fox_p3", "camera"),
+        ("chair_phone", "lens_shift"),
+        ("fox_lens", "lens_distortion"),
+        ("fox_tenth", "undertrained_renders"),
+        ("fox_walker", "motion"),
+        ("os_fox_given", "half_size"),
+    ):
+        row = splats.loc[name].to_dict() | {"capture": name.split("_")[0]}
+        found = limits.judged(limits.of_row(row)).found
+        assert found[:1] == [cause] * bool(cause), name
