@@ -8,8 +8,8 @@ from alignerf.io import json_files
 from alignerf.verdict import report
 
 LEVELS = ("sure", "likely", "not seen", "untold")
-# How often the cause of a fault that was planted is named first: {capture: (right, of)},
-# by limits fitted on the others, and false causes a verdict (docs/measured/verdicts.csv).
+# How often the cause of a planted fault is named first: {capture: (right, of)}, by
+# limits fitted on the others; and false causes a verdict (docs/measured/verdicts.csv).
 RIGHT = {"castle": (27, 27)}
 FALSE_EACH = 0.02
 # A gauge's mark, where the limit is, in shares of its width.
@@ -28,9 +28,9 @@ def how_right():
     """How far the verdict is to be trusted, in two sentences."""
     each = ", ".join(f"{name} {right} of {of}" for name, (right, of) in RIGHT.items())
     return (
-        "How often it is right: of faults planted in captures, the cause that was named "
-        f"first was the planted one in {each}, by limits that the capture had no part "
-        f"in. {FALSE_EACH:.2f} causes a verdict were named and not there."
+        "How often it is right: of faults planted in captures, the cause that was "
+        f"named first was the planted one in {each}, by limits that the capture had no "
+        f"part in. {FALSE_EACH:.2f} causes a verdict were named and not there."
     )
 
 

@@ -55,7 +55,9 @@ def test_the_page_says_how_often_verdicts_were_right(root, page_of):
     table = pd.read_csv(root / "docs/measured/verdicts.csv", comment="#")
     own = table[table["capture"] != "all"].groupby("capture")[["first", "first_of"]]
     sums = own.sum().astype(int)
-    assert {name: (*row,) for name, row in zip(sums.index, sums.values)} == told.RIGHT
+    assert {
+        name: (*row,) for name, row in zip(sums.index, sums.values, strict=True)
+    } == told.RIGHT
     (every,) = table[table["read_as"] == "any"].to_dict("records")
     assert f"{told.FALSE_EACH:.2f}" == f"{every['false_each']:.2f}"
     readme = page_of("README.md")
