@@ -136,12 +136,18 @@ SHIFT = cause(
     order=(3, 6, 2),
     label="principal point",
     called="the principal point is {probably}off",
-    sentence="All photos are {probably}shifted alike, by {px}: the principal point is "
-    "wrong, or pixel centres lie half a pixel off.",
+    sentence=lambda e, probably: (
+        f"The principal point is {probably}off: matches between photos ask for one "
+        f"that lies {base.length(part_px(e, 'centre'))} away."
+        if part_px(e, "centre") > LENS_PX
+        else f"All photos are {probably}shifted alike, by "
+        f"{base.length(e.photo_px * e.shift_px)}: the principal point is wrong, or "
+        "pixel centres lie half a pixel off."
+    ),
     advice="check pixel centres and principal point of the given cameras.",
     advice_external=lambda e, gains: (
         CORRECTED
-        if part_px(e, "centre")
+        if part_px(e, "centre") > LENS_PX
         else "check pixel centres and principal point in what you gave the program: "
         "shifts of half a pixel come from a wrong origin of pixels."
     ),

@@ -33,6 +33,7 @@ COPIES = base.Cause(
     value=lambda e: e.copies,
     limit=lambda e: 0,
     decide=lambda e: (e.copies, True) if e.copies else None,
+    says=lambda e: f"{e.copies or 'none'} of {e.train_views + e.test_views}",
     called="photos lie there twice",
     sentence="{e.copies} photos show what another one shows: a held-out photo that was "
     "also learnt from tests nothing.",
