@@ -30,8 +30,8 @@ from alignerf.scenes.external import views
 # From OpenCV's axes to OpenGL's, and back.
 FLIP = np.diag([1.0, -1.0, -1.0, 1.0])
 NAME, MODES = "diagnosed", ("camera_to_world", "world_to_camera")
-# The causes that corrected cameras cure, those that they do where matches have found
-# them, and levels of causes that are named.
+# Causes that corrected cameras cure; one that they cure where matches have found it;
+# levels of causes that are named.
 POSES, LENS, NAMED = ("camera", "focal"), ("lens_shift",), ("sure", "likely")
 # What exports from the folder that is no more.
 EXPORT = f"make export SCENE={NAME}"

@@ -2,9 +2,8 @@
 
 A file has one `base.Cause` as `CAUSE`, or a list of them. A new file in this folder, or
 a record of another package under the entry points `alignerf.causes`, is all that a new
-cause takes. Thresholds were chosen on variants of courtyard with one fault each, seed
-1, those of motion and of the lens on seeds 0 to 4. They were tested on other seeds, on
-pairs of faults and on real captures: docs/evidence/verdict.md.
+cause takes. Limits are fitted to planted faults, and judged by captures that were left
+out: docs/evidence/verdict.md.
 """
 
 import functools
@@ -42,9 +41,14 @@ def in_turn():
     by_name = {cause.name: cause for cause in sorted(every(), key=lambda c: c.order[1])}
     before = {name: set() for name in by_name}
     for cause in by_name.values():
-        for name in set(cause.explains) & set(by_name):
+        for name in set(cause.explains) & set(by_name) - {cause.name}:
             before[name].add(cause.name)
-    return [by_name[name] for name in graphlib.TopologicalSorter(before).static_order()]
+    try:
+        order = [*graphlib.TopologicalSorter(before).static_order()]
+    except graphlib.CycleError as error:
+        ring = ", ".join(error.args[1])
+        raise ValueError(f"causes explain one another in a ring: {ring}") from None
+    return [by_name[name] for name in order]
 
 
 def spoilt(e, findings):

@@ -111,7 +111,7 @@ class Evidence(NamedTuple):
     tone_white_ev: float = math.nan
     # Photos that lie there twice; views that a floater hides a part of.
     copies: int = 0
-    hidden_views: int = 0
+    hidden_views: float = 0
     # Whether the poses came with the photos, and the error that was put into them.
     poses_given: bool = False
     perturb_px: float = 0.0
@@ -133,7 +133,7 @@ class Cause:
 
     name: in verdict.json. label, unit: of its gauge.
     value, limit: numbers of an Evidence, NaN where unknown; beyond its limit a cause is
-    named, beyond `sure_limit`, else twice the limit, it is sure. more_is_better: below
+    named, beyond twice the limit it is sure. more_is_better: below
     these. scale: times which both are in `unit`. decide: (size, whether it is sure) of
     an Evidence, or None: in place of value and limit, where these are not all.
     explains: names of causes whose evidence this one spoils where it is found, and
@@ -161,7 +161,6 @@ class Cause:
     sentence: str | Callable
     advice: str | Callable
     advice_external: str | Callable = ""
-    sure_limit: float | None = None
     more_is_better: bool = False
     scale: Callable = lambda e: 1
     decide: Callable | None = None
@@ -184,10 +183,8 @@ class Cause:
         """(size, whether it is sure) where the value is beyond its limit."""
         value, limit = self.value(e), self.limit(e)
         sign, times = (-1, 0.5) if self.more_is_better else (1, 2)
-        sure = times * limit if self.sure_limit is None else self.sure_limit
-        return (
-            (value, sign * value > sign * sure) if sign * value > sign * limit else None
-        )
+        sure = sign * value > sign * times * limit
+        return (value, sure) if sign * value > sign * limit else None
 
 
 class Finding(NamedTuple):

@@ -9,6 +9,8 @@ PART_PX = 0.2
 # Of points that photos share: right cameras see them 0.2 px from where they are found,
 # given poses of real captures up to 0.6 px, cameras that are off by 2 px 1.3 px.
 REPROJECTION_PX = 0.8
+# Right cameras leave no more of the matches' error, in px of the photo.
+RIGHT_PX = 1.0
 # In dB on courtyard, where poses are off by 1.5 px and objects move, over plain
 # training of the same seconds, those of one and of two (docs/measured/in_loop.csv).
 AUTO_DB, AUTO_TWICE_DB = 1.2, 2.1
@@ -43,8 +45,9 @@ def source(e):
     """
     if shift.by_crops(e) and e.crops.camera_px > e.crops.remainder_px:
         return "crops"
-    # Matches that find nothing to correct are the witness that denies it.
-    denied = e.matches and not e.matches.accepted
+    # Matches that fit, and find nothing to correct, are the witness that denies it.
+    m = e.matches
+    denied = m and not m.accepted and m.before_px <= RIGHT_PX
     if shift.misaligned(e) and e.camera_px > PART_PX and not denied:
         return "flow"
     if shift.poses_off(e):
@@ -150,7 +153,7 @@ def advise(e, gains):
         # What was tried in vain is not offered beside it.
         said = anew(e) if own else f"{anew(e)} Or {text(e)}"
     more = " And take more photos between those you have."
-    return said + more * (coverage.SPARSE.find(e) is not None)
+    return said + more * (source(e) == "points")
 
 
 CAUSE = base.Cause(
@@ -163,7 +166,7 @@ CAUSE = base.Cause(
     decide=decide,
     detectable=is_detectable,
     seen_by_points=True,
-    explains=("sparse", "motion", "exposure", "floaters", "half_size"),
+    explains=("sparse", "motion", "exposure", "floaters", "half_size", "tone"),
     # Where photos are too few, points tell of poses beside that.
     explains_now=lambda e: source(e) != "points",
     spoils="a model of wrong poses is bent",

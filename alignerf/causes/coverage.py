@@ -126,9 +126,10 @@ FLOATERS = base.Cause(
         if FLOATERS.looked_for(e) and e.hidden_views >= MIN_VIEWS
         else None
     ),
+    says=lambda e: f"in {base.number(e.hidden_views)} views",
     called="floaters {probably}hide parts of views",
-    sentence="Floaters {probably}hide parts of {e.hidden_views} views: something is "
-    "rendered close to the camera that the photo does not show.",
+    sentence="Floaters {probably}hide parts of {e.hidden_views:.0f} views: close to "
+    "the camera something is rendered that the photo does not show.",
     advice="",
     advice_external="take more photos where floaters hang, or prune what is near the "
     "cameras before exporting the splat.",

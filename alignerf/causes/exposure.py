@@ -25,7 +25,8 @@ def shown(e):
     coarse = e.judged and e.judged.depth != "given"
     if math.isfinite(e.shared_ev) and not (coarse or shift.too_short(e)):
         told.append((e.shared_ev, SHARED_EV))
-    return max(told, key=lambda one: one[0] / one[1])
+    known = [one for one in told if math.isfinite(one[0])]
+    return max(known or told, key=lambda one: one[0] / one[1])
 
 
 CHANGES = base.Cause(
@@ -51,25 +52,29 @@ CHANGES = base.Cause(
 
 def curve(e):
     """{what: stops} by which a curve common to all renders changes them."""
-    return {
+    stops = {
         "gain": abs(e.tone_gain_ev),
         "gamma": abs(e.tone_gamma - 1),
         "white balance": e.tone_white_ev,
     }
+    return {what: ev for what, ev in stops.items() if math.isfinite(ev)}
 
 
 def toned(e, probably):
     """What the common curve is."""
-    known = curve(e)
+    side = "darker" if e.tone_gain_ev > 0 else "brighter"
     said = {
-        "gain": f"{known['gain']:.2f} stops "
-        f"{'darker' if e.tone_gain_ev > 0 else 'brighter'}",
-        "gamma": f"of another gamma ({e.tone_gamma:.2f})",
-        "white balance": f"of another white balance ({known['white balance']:.2f} "
-        "stops between channels)",
+        "gain": f"{abs(e.tone_gain_ev):.2f} stops {side}",
+        "gamma": f"a gamma of {e.tone_gamma:.2f}",
+        "white balance": f"{e.tone_white_ev:.2f} stops between colour channels",
     }
-    parts = [text for what, text in said.items() if known[what] > TONE_EV]
-    return f"All renders are {probably}{', '.join(parts)} than their photos."
+    parts = [said[what] for what, ev in curve(e).items() if ev > TONE_EV]
+    return f"All renders {probably}differ from their photos: {', '.join(parts)}."
+
+
+def not_by_blur(e):
+    """Whether more than a gamma is off: blurred renders have less contrast, too."""
+    return max(e.tone_white_ev, abs(e.tone_gain_ev)) > TONE_EV
 
 
 TONE = base.Cause(
@@ -77,12 +82,13 @@ TONE = base.Cause(
     order=(13, 5.1, 4.5),
     label="tone of all renders",
     unit="stops",
-    value=lambda e: max(curve(e).values()),
+    value=lambda e: max(curve(e).values(), default=math.nan),
     limit=lambda e: TONE_EV,
     decide=lambda e: TONE.beyond(e) if e.judged else None,
     looked_for=lambda e: bool(e.judged),
-    explains=("sparse", "lens_shift", "lens_distortion"),
+    explains=("sparse",),
     spoils="renders have another tone",
+    stands=not_by_blur,
     called="renders {probably}have another tone than their photos",
     sentence=toned,
     advice="",

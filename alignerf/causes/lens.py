@@ -4,8 +4,6 @@ Matches tell it where the poses, held as they are, fit with another lens. Withou
 the shift or the bend that all flows share tells it, of which a model absorbs most.
 """
 
-import math
-
 from alignerf.causes import base, shift
 
 # Common to all views' flows, and beyond so many standard errors. A model absorbs nine
@@ -18,6 +16,8 @@ LENS_PX = 1.0
 # Of what any correction takes from the matches' error: from here on the lens has a part
 # in it, and the poses have none.
 LENS_FRACTION, ALONE_FRACTION = 0.4, 0.8
+# What right cameras leave of it in px of the photo, where no adjustment says so.
+FLOOR_PX = 0.3
 # What a wrong lens looks like in flows.
 EXPLAINS = ("camera", "motion", "sparse", "half_size")
 SPOILS = "the lens is not the one that the cameras say"
@@ -26,21 +26,23 @@ CORRECTED = "train again with the corrected cameras: `{export}` writes them."
 
 def fraction(e):
     """Of what a correction takes from the matches' error at most, the lens's part."""
-    m = e.matches
-    if not (m and m.lens and m.lens.changed):
+    found = of_cameras(e)
+    if not (found and found.changed):
         return 0.0
-    least = [m.lens.after_px]
-    if m.accepted:
-        least += [m.after_px, m.left.after_px if m.left else math.inf]
-    return (m.lens.before_px - m.lens.after_px) / max(
-        m.lens.before_px - min(least), 1e-9
-    )
+    adjusted = e.matches.accepted and not e.matches.applied
+    least = min(found.after_px, e.matches.after_px if adjusted else FLOOR_PX)
+    return (found.before_px - found.after_px) / max(found.before_px - least, 1e-9)
+
+
+def of_cameras(e):
+    """The `sfm.lens.Lens` of the cameras in use, input or adjusted ones; None."""
+    return e.matches and (e.matches.left if e.matches.applied else e.matches.lens)
 
 
 def by_matches(e):
     """The `sfm.lens.Lens` that matches ask for, by input or adjusted poses; None."""
     if fraction(e) >= LENS_FRACTION:
-        return e.matches.lens
+        return of_cameras(e)
     left = e.matches and e.matches.left
     return left if left and left.changed else None
 
@@ -56,8 +58,8 @@ def part_px(e, part):
     if not (found and part in found.changed):
         return 0.0
     if part == "focal":
-        # Half of the diagonal of the usual 3:2, from the width.
-        return abs(found.focal_ratio - 1) * 0.6 * e.photo_width_px
+        # At the middle of the left and the right edge.
+        return abs(found.focal_ratio - 1) * 0.5 * e.photo_width_px
     return getattr(found, f"{part}_px")
 
 
@@ -147,7 +149,7 @@ SHIFT = cause(
     advice="check pixel centres and principal point of the given cameras.",
     advice_external=lambda e, gains: (
         CORRECTED
-        if part_px(e, "centre") > LENS_PX
+        if part_px(e, "centre") > LENS_PX and e.matches.accepted
         else "check pixel centres and principal point in what you gave the program: "
         "shifts of half a pixel come from a wrong origin of pixels."
     ),
@@ -181,7 +183,12 @@ FOCAL = cause(
         f"multiply the given focal length by {by_matches(e).focal_ratio:.4f}, or "
         "adjust the cameras before training: `poses: adjusted` in the config."
     ),
-    advice_external=CORRECTED,
+    advice_external=lambda e, gains: (
+        CORRECTED
+        if e.matches.accepted
+        else f"multiply the focal length by {by_matches(e).focal_ratio:.4f}, and train "
+        "again."
+    ),
 )
 SHUTTER = cause(
     "shutter",

@@ -1,11 +1,11 @@
 """The scene moved between photos: pixels that do not move with their camera."""
 
-from alignerf.causes import base, coverage, remedies
+from alignerf.causes import base, remedies
 
 # Pixels that do not move with their camera: by so much at least, and by so much of what
 # it moves, since a model that averages wrong poses is bent; and their share. That is up
 # to 0.044 where nothing moves and poses are off, 0.061 and more where objects move.
-MOVED_PX, MOVED_OF_CAMERA, MOVED_FRACTION, MOVED_SURELY = 0.5, 0.7, 0.05, 0.08
+MOVED_PX, MOVED_OF_CAMERA, MOVED_FRACTION = 0.5, 0.7, 0.05
 # What a model that is bent or blurred by another cause does not come to.
 MOVED_ANYWAY = 0.25
 # In dB on courtyard where objects alone move, over plain training of the same seconds
@@ -14,8 +14,8 @@ WARPED_MOTION_DB, WARPED_MOTION_TWICE_DB = 0.2, -1.8
 
 
 def advise(e, gains):
-    """Nothing where photos fix no shape, or were warped in vain."""
-    if coverage.SPARSE.find(e) or remedies.warped_in_vain(e, gains):
+    """Nothing where photos were warped in vain."""
+    if remedies.warped_in_vain(e, gains):
         return None
     return remedies.advise(e, gains) or (
         "train longer, then warp the photos once (rounds: 1). Where only objects move "
@@ -32,7 +32,6 @@ CAUSE = base.Cause(
     scale=lambda e: 100,
     value=lambda e: e.moved_fraction,
     limit=lambda e: MOVED_FRACTION,
-    sure_limit=MOVED_SURELY,
     stands=lambda e: e.moved_fraction > MOVED_ANYWAY,
     called="the scene {probably}moved",
     sentence="The scene {probably}moved between photos: {value:.0f} % of a photo moves "

@@ -20,7 +20,9 @@ PAIRS = base.Cause(
     looked_for=lambda e: e.pairs.count > 0,
     says=lambda e: f"{len(e.pairs.faults) or 'none'} wrong of {e.pairs.count}",
     explains=("sparse",),
-    spoils="some photos or renders are not those of their cameras",
+    # One bad pair is left out, and spoils nothing.
+    explains_now=lambda e: len(e.pairs.faults) > 1,
+    spoils="some photos or renders are not those of their views",
     called="some renders are left out",
     sentence=lambda e, probably: f"Left out: {pairs.sentence(e.pairs)}.",
     advice="",
@@ -35,8 +37,8 @@ COPIES = base.Cause(
     decide=lambda e: (e.copies, True) if e.copies else None,
     says=lambda e: f"{e.copies or 'none'} of {e.train_views + e.test_views}",
     called="photos lie there twice",
-    sentence="{e.copies} photos show what another one shows: a held-out photo that was "
-    "also learnt from tests nothing.",
+    sentence="{e.copies} photos show what another one shows, from the same place: a "
+    "held-out photo that was also learnt from tests nothing.",
     advice="leave one of each two copies out.",
     advice_external="leave one of each two copies out, and train again.",
 )

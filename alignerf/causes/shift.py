@@ -50,9 +50,15 @@ def too_short(e):
     these blur renders, too.
     """
     if e.judged:
-        is_soft = e.octaves[1] < MIN_DETAIL and not is_smaller(e)
+        is_soft = detail(e) < MIN_DETAIL and not is_smaller(e)
         return is_soft and not explained_by_poses(e)
     return e.epochs < FEW_EPOCHS / 2
+
+
+def detail(e):
+    """Detail of renders over photos at two to four pixels, made as bright as these."""
+    gain_ev = e.tone_gain_ev if math.isfinite(e.tone_gain_ev) else 0.0
+    return e.octaves[1] * 2**gain_ev
 
 
 def finest(e):

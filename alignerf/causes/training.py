@@ -7,7 +7,7 @@ LONGER_DB = 0.3
 
 # What renders of too short a training do not tell: they are blurred, which moves flows.
 EXPLAINS = ("camera", "motion", "sparse", "lens_shift", "lens_distortion", "floaters")
-EXPLAINS += ("blurred",)
+EXPLAINS += ("blurred", "tone")
 SPOILS = "training was too short"
 
 OURS = base.Cause(
@@ -33,16 +33,18 @@ OTHERS = base.Cause(
     order=(12, 0, 0),
     label="length of training, by its renders",
     unit="of the photos' detail",
-    value=lambda e: e.octaves[1],
+    value=shift.detail,
     limit=lambda e: shift.MIN_DETAIL,
     more_is_better=True,
-    decide=lambda e: (e.octaves[1], False) if e.judged and shift.too_short(e) else None,
+    decide=lambda e: (
+        (shift.detail(e), False) if e.judged and shift.too_short(e) else None
+    ),
     detectable=lambda e: not shift.explained_by_poses(e),
     looked_for=lambda e: bool(e.judged),
     explains=EXPLAINS,
     spoils=SPOILS,
     says=lambda e: (
-        f"renders have {base.number(e.octaves[1])} of the photos' detail, "
+        f"renders have {base.number(shift.detail(e))} of the photos' detail, "
         f"{shift.MIN_DETAIL:g} is enough"
     ),
     called="trained {probably}too short",

@@ -132,7 +132,7 @@ def run(words, *, cores=1) -> float:
     kept = set(psutil.Process().children(recursive=True))
     print(faults.one_line(shlex.join(words)), flush=True)
     begun_s, asked, tail = time.perf_counter(), [], bytearray()
-    # Before it starts: what it leaves behind outlives a signal that comes just then.
+    # A signal between the start and the handlers would leave the command running.
     before = {one: signal.signal(one, lambda n, _: asked.append(n)) for one in ENDING}
     try:
         process = opened(words, cores)
@@ -148,10 +148,10 @@ def run(words, *, cores=1) -> float:
     finally:
         for one, handler in before.items():
             signal.signal(one, handler)
-    if asked:
-        # As the signal does where nothing handles it.
-        signal.signal(asked[0], signal.SIG_DFL)
-        os.kill(os.getpid(), asked[0])
+        if asked:
+            # As the signal does where nothing handles it.
+            signal.signal(asked[0], signal.SIG_DFL)
+            os.kill(os.getpid(), asked[0])
     if process.returncode != 0:
         raise ValueError(f"{words[0]} {ending(process.returncode)}{said(tail)}")
     return took_s

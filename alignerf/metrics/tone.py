@@ -5,6 +5,7 @@ changes from photo to photo is exposure. Levels are compared in small pictures, 
 misalignment does not reach.
 """
 
+import math
 from typing import NamedTuple
 
 import cv2
@@ -15,6 +16,8 @@ SMALL_PX = 24
 DARKEST, BRIGHTEST = 8.0, 247.0
 # A view says nothing by fewer levels.
 MIN_LEVELS = 20
+# Standard deviation of levels that a curve can be told from, in stops.
+MIN_CONTRAST_EV = 0.1
 
 
 class Levels(NamedTuple):
@@ -25,22 +28,17 @@ class Levels(NamedTuple):
 
 
 class Tone(NamedTuple):
-    """photo = gain * render ** gamma, in 8-bit values.
+    """photo = middle * 2 ** gain_ev * (render / middle) ** gamma, in 8-bit values.
 
-    gain_ev: stops by which photos are brighter in the middle of their levels. gamma:
-    the power. white_ev: stops between the channel whose gain is highest and the one
-    whose gain is lowest. even_ev [n]: what is left of each view, its own exposure.
+    middle: the renders' median level. gamma: NaN where they have no contrast. white_ev:
+    stops between the channel whose gain is highest and the one whose gain is lowest.
+    even_ev [n]: what is left of each view, its own exposure.
     """
 
     gain_ev: float
     gamma: float
     white_ev: float
     even_ev: np.ndarray
-
-    @property
-    def gamma_ev(self):
-        """Stops by which the curve changes what is a stop from the middle."""
-        return abs(self.gamma - 1)
 
 
 def levels_of(photo, render, counts):
@@ -75,11 +73,13 @@ def of_views(views) -> Tone:
         np.concatenate([level - np.median(level, axis=0) for level in levels])
         for levels in zip(*some, strict=True)
     )
-    gamma = slope(render.ravel(), photo.ravel())
+    gamma, power = slope(render.ravel(), photo.ravel()), 1.0
+    if math.isfinite(gamma):
+        power = gamma
     middle = np.median(np.concatenate([view.render for view in some]))
     gains = np.array(
         [
-            np.median(view.photo - middle - gamma * (view.render - middle), axis=0)
+            np.median(view.photo - middle - power * (view.render - middle), axis=0)
             for view in some
         ]
     )
@@ -89,7 +89,12 @@ def of_views(views) -> Tone:
 
 
 def slope(x, y):
-    """Robust slope of y over x, both with errors: by what neither is far off."""
+    """Robust slope of y over x, both with errors: by what neither is far off.
+
+    NaN where one of them hardly varies.
+    """
+    if min(np.std(x), np.std(y)) < MIN_CONTRAST_EV:
+        return math.nan
     found = float(np.std(y) / max(np.std(x), 1e-6))
     for _ in range(10):
         error = np.abs(y - found * x)

@@ -79,24 +79,28 @@ def sums_of(found):
     # Where training views were not rendered, test views have to tell.
     main = train if len(train) else test
     detail = main["sharpness_ratio"].median()
-    tones = [
-        tone.of_views([found[i].levels for i in own.index])
-        for own in (main, train, test)
-        # Of few views one that is rendered badly is most of the spread.
-        if own is main or len(own) >= shift.FEW_TEST_VIEWS
-    ]
+    tones = {
+        split: tone.of_views([found[i].levels for i in own.index])
+        for split, own in (("train", train), ("test", test))
+    }
+    common = tones["train" if len(train) else "test"]
+    # Of few views one that is rendered badly is most of the spread; renders of training
+    # views have learnt some of their photos' brightness.
+    exposures = [
+        usual_spread(tones[split].even_ev)
+        for split, own in (("train", train), ("test", test))
+        if len(own) >= shift.FEW_TEST_VIEWS
+    ] or [usual_spread(common.even_ev)]
     octaves = np.array([found[i].octaves for i in main.index])
     octaves = octaves.reshape(-1, spectrum.OCTAVES)
     hidden = np.array([one.hidden for one in found])
     return {
         "octaves": tuple(median(octave) for octave in octaves.T),
-        "tone_gain_ev": tones[0].gain_ev,
-        "tone_gamma": tones[0].gamma,
-        "tone_white_ev": tones[0].white_ev,
-        # Renders of training views have learnt some of their photos' brightness.
-        "exposure_ev": max(usual_spread(one.even_ev) for one in tones[1:] or tones),
-        "copies": len(copies.of([one.small for one in found])),
-        "hidden_views": int((hidden > HIDDEN).sum()),
+        "tone_gain_ev": common.gain_ev,
+        "tone_gamma": common.gamma,
+        "tone_white_ev": common.white_ev,
+        "exposure_ev": max(filter(math.isfinite, exposures), default=math.nan),
+        "hidden_views": hidden_views(hidden),
         "flow_train_px": median(train["flow_px"]),
         "flow_test_px": median(test["flow_px"]),
         "camera_px": median(main["camera_px"]),
@@ -167,10 +171,23 @@ def read(scene, base, *, overfit=None, crops=(None, None), before=None):
         matches=of_matches(poses),
         pairs=checked,
         by_colmap=by_colmap(poses, scene),
+        copies=len(copies.of([one.small for one in found], places_of(loaded, found))),
         **sums_of([one for one in found if one.row.view not in bad]),
         **lens_of(loaded, base),
     )
     return known, rows
+
+
+def hidden_views(hidden):
+    """How many views a floater hides a part of; NaN where no depth is known."""
+    known = np.isfinite(hidden)
+    return float((hidden[known] > HIDDEN).sum()) if known.any() else math.nan
+
+
+def places_of(loaded: prepared.Scene, found):
+    """Poses [n, 3, 4] of the views, in the frame in which cameras are 1 apart."""
+    order = {name: i for i, name in enumerate(loaded.names)}
+    return loaded.camtoworlds[[order[one.row.view] for one in found]]
 
 
 def by_colmap(poses, scene):
@@ -199,17 +216,16 @@ def of_matches(poses):
         accepted,
         accepted and poses["poses"] == "adjusted",
         *map(float, (told["before_px"], told["after_px"], *off)),
-        *(
-            lens_told(lenses[name]) if name in lenses else None
-            for name in ("given", "adjusted")
-        ),
+        *(lens_told(lenses.get(name)) for name in ("given", "adjusted")),
     )
 
 
 def lens_told(found):
-    """`sfm.lens.Lens` by what it has told."""
-    own = {key: number(px) for key, px in found.items() if key != "changed"}
-    return Lens(changed=found["changed"], **own)
+    """`sfm.lens.Lens` by what it has told; None of anything else."""
+    if not isinstance(found, dict) or not {*Lens._fields} <= {*found}:
+        return None
+    own = {key: number(found[key]) for key in Lens._fields if key != "changed"}
+    return Lens(changed=found["changed"] or [], **own)
 
 
 def read_judged(poses, before=None, width_px=None):

@@ -77,7 +77,9 @@ def state(e, findings):
         return "unclear"
     if shift.misaligned(e) and not shift.too_short(e):
         return "misaligned"
-    return "aligned" if shift.tells(e) else "unclear"
+    # What another cause explains may still be there.
+    fits = not coverage.SPARSE.find(e)
+    return "aligned" if shift.tells(e) and fits else "unclear"
 
 
 def is_sparse(findings, *, surely=False):
@@ -111,6 +113,8 @@ def headline(e, findings):
     if shift.of_crops_say(e) == "unconfirmed":
         px = length(e.crops.flow_px)
         return f"cannot be told for sure: crops are {px} apart.{also}"
+    if coverage.SPARSE.find(e):
+        return f"cannot be told: held-out photos are far worse than learnt ones.{also}"
     seen = f"a shift under {length(shift.limit_px(e))} would not be seen"
     return f"cannot be told at this size: {seen}.{also}"
 

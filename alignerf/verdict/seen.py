@@ -60,7 +60,7 @@ def of_view(loaded: prepared.Scene, base, split, tables, look, view):
         look and look(photo, render, counts),
         sampled,
         tone.levels_of(photo, render, counts),
-        spectrum.octaves(shown, render),
+        spectrum.octaves(shown, render) * (1.0 if counts.mean() > 0.5 else np.nan),
         floaters.hidden(photo, render, depth, counts),
         copies.small(photo),
     )

@@ -99,7 +99,7 @@ def test_wilson_s_interval():
 
 def test_limits_are_fitted_without_the_capture_that_they_judge(monkeypatch):
     """One capture whose exposure is 0.09 without a fault moves the others' limit."""
-    monkeypatch.setattr(limits, "LIMITS", [(exposure, "EXPOSURE_EV")])
+    monkeypatch.setattr(limits, "LIMITS", {(exposure, "EXPOSURE_EV"): 0.06})
     rows = []
     for capture, usual in (("a", 0.09), ("b", 0.01), ("c", 0.01)):
         for name, more in (("nothing", 0.0), ("exposure", 0.11)):

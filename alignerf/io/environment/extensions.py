@@ -18,7 +18,7 @@ from pathlib import Path
 NEEDED = {
     "captures": ("name", "what", "poses", "detect", "read"),
     "methods": ("key", "annotation", "field", "trainings", "words", "moves"),
-    "causes": ("name", "label", "unit", "value", "limit", "find"),
+    "causes": ("name", "label", "unit", "value", "limit", "find", "order", "explains"),
     "test_sets": ("name", "pixels", "meaning", "needs", "make", "tables"),
     "systems": ("made", "kind", "near", "samples", "training"),
     "estimators": ("calculate", "min_side_px"),

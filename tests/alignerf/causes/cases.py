@@ -60,7 +60,7 @@ def with_lens(part, **changes):
 
 FAULTS = {
     "camera": {"flow_train_px": 1.2, "camera_px": 1.2},
-    "motion": {"moved_fraction": 0.1},
+    "motion": {"moved_fraction": 0.2},
     "sparse": {"flow_test_px": 2.0, "psnr_test_db": 17.0},
     "few_views": {"test_views": 2},
     "lens_shift": {"shift_px": 0.7, "shift_errors": 20.0},

@@ -21,7 +21,7 @@ ACCEPTED = base.Matches(
     pose_error_px=1.5,
     worst_px=4.0,
 )
-DENIED = ACCEPTED._replace(accepted=False)
+DENIED = ACCEPTED._replace(accepted=False, before_px=0.4)
 # Half a pixel in x and y, by a wrong origin of pixels.
 ORIGIN = {"shift_px": 0.8, "shift_errors": 20.0}
 
@@ -103,6 +103,38 @@ def test_causes_compete():
         assert cases.named(THEIRS._replace(**changes)) == named, changes
 
 
+def test_a_lens_is_held_to_what_right_cameras_leave():
+    """It takes a little of what wrong poses are, by chance, and is not the cause."""
+    some = cases.FINE._replace(
+        changed=["focal"], focal_ratio=0.82, before_px=2.85, after_px=2.61
+    )
+    refused = cases.MATCHES._replace(before_px=2.85, after_px=2.7, lens=some)
+    assert cases.named(WELL._replace(**FAULTS["camera"], matches=refused)) == ["camera"]
+    # Adjusted cameras have another lens than the input ones.
+    used = cases.with_lens("focal", focal_ratio=1.02)._replace(applied=True)
+    assert cases.named(WELL._replace(matches=used._replace(left=cases.FINE))) == []
+    again = used.lens._replace(changed=["shutter"], shutter_px=5.0)
+    assert cases.named(WELL._replace(matches=used._replace(left=again))) == [
+        "rolling_shutter"
+    ]
+
+
+def test_a_blur_is_no_gamma():
+    """Less contrast follows from both; a gain does not."""
+    short = cases.OF_RENDERS["undertrained_renders"]
+    e = THEIRS._replace(**short, tone_gamma=1.4)
+    assert cases.named(e) == ["undertrained_renders"]
+    assert "tone" in cases.named(e._replace(tone_gain_ev=0.4, octaves=(0.1,) * 5))
+
+
+def test_numbers_that_are_unknown_hide_no_other():
+    assert cases.named(WELL._replace(exposure_ev=math.nan, shared_ev=0.5)) == [
+        "exposure"
+    ]
+    e = THEIRS._replace(tone_gamma=math.nan, tone_gain_ev=0.5)
+    assert cases.named(e) == ["tone"]
+
+
 def test_no_cause_waits_for_itself():
     assert {cause.name for cause in causes.in_turn()} == {*EVERY}
     for cause in EVERY.values():
@@ -144,6 +176,8 @@ def test_no_cause_waits_for_itself():
         ({"matches": DENIED}, []),
         # What matches deny no flow shows.
         (FAULTS["camera"] | {"matches": DENIED}, []),
+        # An adjustment that failed is no witness.
+        (FAULTS["camera"] | {"matches": DENIED._replace(before_px=15.0)}, ["camera"]),
         ({"crops": APART, "epochs": 0.1}, ["undertrained", "camera"]),
         ({"crops": APART._replace(camera_px=0.1)}, []),
     ],
@@ -217,9 +251,12 @@ def test_what_the_poses_warn_of_is_what_the_verdict_says():
     ("changes", "says"),
     [
         ({"tone_gain_ev": 0.8}, "0.80 stops darker"),
-        ({"tone_gain_ev": -0.19}, "probably 0.19 stops brighter"),
-        ({"tone_gamma": 1.6}, "another gamma (1.60)"),
-        ({"tone_white_ev": 0.5}, "another white balance (0.50"),
+        (
+            {"tone_gain_ev": -0.19},
+            "All renders probably differ from their photos: 0.19",
+        ),
+        ({"tone_gamma": 1.6}, "a gamma of 1.60"),
+        ({"tone_white_ev": 0.5}, "0.50 stops between colour channels"),
     ],
 )
 def test_renders_of_another_tone_are_told(changes, says):

@@ -353,6 +353,14 @@ def test_numbers_have_two_digits(value, text):
     assert base.number(math.nan) == base.length(math.nan) == "unknown"
 
 
+def test_photos_that_are_too_few_are_not_called_aligned():
+    """Also where another cause explains why held-out photos are worse."""
+    e = THEIRS._replace(**FAULTS["sparse"], tone_gain_ev=0.5)
+    told = of(e)
+    assert told["state"] == "unclear"
+    assert "held-out photos are far worse" in told["headline"]
+
+
 def test_what_is_sure_is_cured_before_what_is_probable():
     """A splat of fox with wrong poses was advised to fix its exposure."""
     both = FAULTS["camera"] | {"exposure_ev": 1.1 * exposure.EXPOSURE_EV}
