@@ -48,7 +48,8 @@ def source(e):
     # Matches that fit, and find nothing to correct, are the witness that denies it.
     m = e.matches
     denied = m and not m.accepted and m.before_px <= RIGHT_PX
-    if shift.misaligned(e) and e.camera_px > PART_PX and not denied:
+    told = shift.misaligned(e) and not shift.too_short(e) and not denied
+    if told and e.camera_px > PART_PX:
         return "flow"
     if shift.poses_off(e):
         return "matches"
@@ -156,6 +157,12 @@ def advise(e, gains):
     return said + more * (source(e) == "points")
 
 
+def stands(e):
+    """Whether crops or matches tell of poses, whatever flows come from."""
+    told = shift.poses_off(e) or source(e) == "crops"
+    return told and not lens.is_alone(e)
+
+
 CAUSE = base.Cause(
     name="camera",
     order=(1, 5.2, 6),
@@ -166,11 +173,11 @@ CAUSE = base.Cause(
     decide=decide,
     detectable=is_detectable,
     seen_by_points=True,
-    explains=("sparse", "motion", "exposure", "floaters", "half_size", "tone"),
+    explains=("sparse", "motion", "exposure", "floaters", "tone"),
     # Where photos are too few, points tell of poses beside that.
     explains_now=lambda e: source(e) != "points",
     spoils="a model of wrong poses is bent",
-    stands=lambda e: source(e) in ("crops", "matches") and not lens.is_alone(e),
+    stands=stands,
     called="poses are {probably}off",
     sentence=sentence,
     advice=advise,

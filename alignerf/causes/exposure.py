@@ -12,7 +12,7 @@ from alignerf.causes import base, shift
 EXPOSURE_EV, SHARED_EV = 0.06, 0.16
 # Stops by which the median photo is brighter than its render: at most 0.03 of splats,
 # 0.06 of held-out photos alone, 0.4 of fox's with a gamma of 1.6.
-TONE_EV = 0.1
+TONE_EV, STRONG_EV = 0.1, 0.5
 
 
 def shown(e):
@@ -38,7 +38,7 @@ CHANGES = base.Cause(
     explains_now=lambda e: e.exposure_ev > 2 * EXPOSURE_EV,
     spoils="brightness changes between photos",
     # What points share is blurred by wrong poses; what all renders show is not.
-    stands=lambda e: e.exposure_ev > EXPOSURE_EV,
+    stands=lambda e: e.exposure_ev > 2 * EXPOSURE_EV,
     value=lambda e: shown(e)[0],
     limit=lambda e: shown(e)[1],
     called="exposure {probably}changes",
@@ -86,7 +86,9 @@ TONE = base.Cause(
     limit=lambda e: TONE_EV,
     decide=lambda e: TONE.beyond(e) if e.judged else None,
     looked_for=lambda e: bool(e.judged),
-    explains=("sparse",),
+    explains=("sparse", "motion", "floaters", "lens_shift"),
+    # Half a stop is what flows stumble over.
+    explains_now=lambda e: max(curve(e).values()) > STRONG_EV,
     spoils="renders have another tone",
     stands=not_by_blur,
     called="renders {probably}have another tone than their photos",

@@ -19,7 +19,7 @@ LENS_FRACTION, ALONE_FRACTION = 0.4, 0.8
 # What right cameras leave of it in px of the photo, where no adjustment says so.
 FLOOR_PX = 0.3
 # What a wrong lens looks like in flows.
-EXPLAINS = ("camera", "motion", "sparse", "half_size")
+EXPLAINS = ("camera", "motion", "sparse")
 SPOILS = "the lens is not the one that the cameras say"
 CORRECTED = "train again with the corrected cameras: `{export}` writes them."
 

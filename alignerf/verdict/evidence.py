@@ -28,6 +28,8 @@ INPUT = ("input", "adjusted")
 # Flows of so many training views tell what all have in common.
 MAX_PATTERN_VIEWS = 32
 DRAWS = 2000
+# Of fewer views one that is rendered badly is most of a spread.
+MIN_SPREAD_VIEWS = 4
 # Of a view's pixels: so many are hidden by what hangs before its camera.
 HIDDEN = 0.01
 
@@ -84,13 +86,12 @@ def sums_of(found):
         for split, own in (("train", train), ("test", test))
     }
     common = tones["train" if len(train) else "test"]
-    # Of few views one that is rendered badly is most of the spread; renders of training
-    # views have learnt some of their photos' brightness.
+    # Renders of training views have learnt some of their photos' brightness.
     exposures = [
-        usual_spread(tones[split].even_ev)
+        spread(tones[split].even_ev)
         for split, own in (("train", train), ("test", test))
-        if len(own) >= shift.FEW_TEST_VIEWS
-    ] or [usual_spread(common.even_ev)]
+        if len(own) >= MIN_SPREAD_VIEWS
+    ] or [spread(common.even_ev)]
     octaves = np.array([found[i].octaves for i in main.index])
     octaves = octaves.reshape(-1, spectrum.OCTAVES)
     hidden = np.array([one.hidden for one in found])
@@ -314,14 +315,6 @@ def spread(values):
     """Standard deviation of those that are known; NaN of fewer than two."""
     known = values[np.isfinite(values)]
     return float(np.std(known)) if len(known) > 1 else math.nan
-
-
-def usual_spread(values):
-    """As `spread`, where one that is far off has no say."""
-    known = values[np.isfinite(values)]
-    if len(known) < 2:
-        return math.nan
-    return float(1.4826 * np.median(np.abs(known - np.median(known))))
 
 
 def number(value):

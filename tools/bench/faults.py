@@ -259,7 +259,8 @@ def next_ones(renders, share):
     return found
 
 
-TONE = ("tone",)
+# Over two stops of light no pair is told: the line says to write renders in sRGB.
+TONE = ("tone", "pairs")
 PLANTS = {
     "nothing": Plant((), (0.0,), ""),
     "poses": Plant(("camera",), (1.0, 2.5, 6.0), "px", before=turned),

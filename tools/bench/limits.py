@@ -45,7 +45,6 @@ STRONG_DB = 0.3
 LIMITS = {
     (shift, "MIN_DETAIL"): 0.5,
     (shift, "MIN_FINEST"): 0.35,
-    (shift, "ALIGNED_PX"): 0.25,
     (camera, "PART_PX"): 0.2,
     (motion, "MOVED_FRACTION"): 0.05,
     (motion, "MOVED_ANYWAY"): 0.25,
