@@ -86,7 +86,7 @@ TONE = base.Cause(
     limit=lambda e: TONE_EV,
     decide=lambda e: TONE.beyond(e) if e.judged else None,
     looked_for=lambda e: bool(e.judged),
-    explains=("sparse", "motion", "floaters", "lens_shift"),
+    explains=("sparse", "motion", "floaters"),
     # Half a stop is what flows stumble over.
     explains_now=lambda e: max(curve(e).values()) > STRONG_EV,
     spoils="renders have another tone",

@@ -12,7 +12,7 @@ import pandas as pd
 
 from alignerf.cameras import exposure, lens
 from alignerf.causes import base as causes
-from alignerf.causes import blur, shift
+from alignerf.causes import blur
 from alignerf.io import csv_files, json_files, machine, provenance
 from alignerf.metrics import copies, pairs, spectrum, tone
 from alignerf.scenes import prepared

@@ -81,7 +81,8 @@ OF_RENDERS = {
     "undertrained_renders": {"octaves": (0.2, 0.2, 0.3, 0.5, 0.7)},
 }
 # What a training that is too short does not tell.
-BY_FLOW = {"camera", "motion", "sparse", "lens_shift", "lens_distortion", "blurred"}
+BY_FLOW = {"camera", "motion", "sparse", "lens_shift", "lens_distortion"}
+BY_FLOW |= {"blurred", "exposure"}
 # Crops of a capture whose poses are wrong, at the photos' own size; and are right.
 APART = base.Crops(
     places=2,
