@@ -9,9 +9,9 @@ from alignerf.causes import base, shift
 # Standard deviation over views, of photos over their renders; and of photos over one
 # another. A slow change is learnt as a colour that depends on the direction, so that
 # no render shows it, and does less harm: a phone that exposes as it goes comes to 0.13.
-EXPOSURE_EV, SHARED_EV = 0.06, 0.16
-# Stops by which the median photo is brighter than its render: at most 0.03 of splats,
-# 0.06 of held-out photos alone, 0.4 of fox's with a gamma of 1.6.
+EXPOSURE_EV, SHARED_EV = 0.084, 0.16
+# Of a curve common to all renders, in stops: at most 0.05 where nothing is wrong. Half a
+# stop makes flows stumble.
 TONE_EV, STRONG_EV = 0.1, 0.5
 
 
@@ -87,7 +87,6 @@ TONE = base.Cause(
     decide=lambda e: TONE.beyond(e) if e.judged else None,
     looked_for=lambda e: bool(e.judged),
     explains=("sparse", "motion", "floaters"),
-    # Half a stop is what flows stumble over.
     explains_now=lambda e: max(curve(e).values()) > STRONG_EV,
     spoils="renders have another tone",
     stands=not_by_blur,

@@ -15,7 +15,7 @@ SHIFT_FRACTION = 0.5
 LENS_PX = 1.0
 # Of what any correction takes from the matches' error: from here on the lens has a part
 # in it, and the poses have none.
-LENS_FRACTION, ALONE_FRACTION = 0.4, 0.8
+LENS_FRACTION, ALONE_FRACTION = 0.4, 0.57
 # What right cameras leave of it in px of the photo, where no adjustment says so.
 FLOOR_PX = 0.3
 # What a wrong lens looks like in flows.

@@ -29,8 +29,8 @@ FEW_EPOCHS = 0.5
 # Of the matches' error, what wrong poses leave once they are corrected.
 LEFT = 0.4
 # Detail of another program's renders over their photos': in the second finest octave,
-# and in the finest over the third, which renders of half the size have 0.35 of.
-MIN_DETAIL, MIN_FINEST = 0.4, 0.3
+# and in the finest over the third, which renders of half the size have 0.35 of a whole one's.
+MIN_DETAIL, MIN_FINEST = 0.4, 0.35
 
 
 def told_px(overfit_px):

@@ -240,7 +240,7 @@ def test_held_out_renders_alone_are_enough():
     assert (told["state"], "2.4 px" in told["headline"]) == ("misaligned", True)
 
 
-MOTION = WELL._replace(moved_fraction=0.06, test_views=9)
+MOTION = WELL._replace(moved_fraction=0.07, test_views=9)
 WARPED = remedies.Gain("base", -0.1, -0.2, 0.03, 3.0, warped=True)
 LONGER = motion.advise(MOTION, [])
 
