@@ -48,8 +48,6 @@ def test_a_splat_s_own_size_poses_and_length_are_told():
         ("chair_phone", "lens_shift"),
         ("fox_lens", "lens_distortion"),
         ("fox_tenth", "undertrained_renders"),
-        ("fox_walker", "motion"),
-        ("os_fox_given", "half_size"),
     ):
         row = splats.loc[name].to_dict() | {"capture": name.split("_")[0]}
         found = limits.judged(limits.of_row(row)).found
