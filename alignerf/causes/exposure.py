@@ -10,8 +10,8 @@ from alignerf.causes import base, shift
 # another. A slow change is learnt as a colour that depends on the direction, so that
 # no render shows it, and does less harm: a phone that exposes as it goes comes to 0.13.
 EXPOSURE_EV, SHARED_EV = 0.084, 0.16
-# Of a curve common to all renders, in stops: at most 0.05 where nothing is wrong. Half a
-# stop makes flows stumble.
+# Of a curve common to all renders, in stops: at most 0.05 where nothing is wrong. Half
+# a stop makes flows stumble.
 TONE_EV, STRONG_EV = 0.1, 0.5
 
 

@@ -4,7 +4,7 @@ from alignerf.causes import base, remedies
 
 # Pixels that do not move with their camera: by so much at least, and by so much of what
 # it moves, since a model that averages wrong poses is bent; and their share. That is up
-# to 0.052 where nothing is wrong, 0.17 and more where patches move by 5 px of the photo.
+# to 0.052 where nothing is wrong, and 0.17 where patches move by 5 px of the photo.
 MOVED_PX, MOVED_OF_CAMERA, MOVED_FRACTION = 0.5, 0.7, 0.063
 # What a model that is bent or blurred by another cause does not come to.
 MOVED_ANYWAY = 0.25

@@ -29,7 +29,7 @@ FEW_EPOCHS = 0.5
 # Of the matches' error, what wrong poses leave once they are corrected.
 LEFT = 0.4
 # Detail of another program's renders over their photos': in the second finest octave,
-# and in the finest over the third, which renders of half the size have 0.35 of a whole one's.
+# and in the finest over the third; renders of half the size have a third of it.
 MIN_DETAIL, MIN_FINEST = 0.4, 0.35
 
 

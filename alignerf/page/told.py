@@ -10,7 +10,14 @@ from alignerf.verdict import report
 LEVELS = ("sure", "likely", "not seen", "untold")
 # How often the cause of a planted fault is named first: {capture: (right, of)}, by
 # limits fitted on the others; and false causes a verdict (docs/measured/verdicts.csv).
-RIGHT = {"castle": (32, 36), "courtyard": (36, 37), "fox": (37, 40), "chair": (39, 40), "flower": (35, 37), "treehill": (21, 23)}
+RIGHT = {
+    "castle": (32, 36),
+    "courtyard": (36, 37),
+    "fox": (37, 40),
+    "chair": (39, 40),
+    "flower": (35, 37),
+    "treehill": (21, 23),
+}
 FALSE_EACH = 0.07
 # A gauge's mark, where the limit is, in shares of its width.
 MARK = 0.5

@@ -243,10 +243,10 @@ def without_command(do_first):
 def terminal(told):
     """Lines of what `of` tells, folded for a terminal."""
     do_first, command = told["do_first"], told["do_first"]["command"]
-    fine, untold = (
-        ", ".join(one["text"] for one in told["causes"] if one["level"] == level)
-        for level in ("not seen", "untold")
+    fine = ", ".join(
+        one["text"] for one in told["causes"] if one["level"] == "not seen"
     )
+    untold = "; ".join(untold_of(told["causes"]))
     parts = {
         "VERDICT": [told["headline"], *told["because"]],
         "DO FIRST": [without_command(do_first), *[f"    {command}"] * bool(command)],
@@ -256,6 +256,17 @@ def terminal(told):
         "NOT TOLD": [f"{untold}."] * bool(untold),
     }
     return [line for title, texts in parts.items() for line in folded(title, texts)]
+
+
+def untold_of(gauges):
+    """What is not told, by why it is not."""
+    names = {}
+    for one in gauges:
+        if one["level"] == "untold":
+            said = one["text"].removeprefix(f"{one['name']} (").removesuffix(")")
+            why = said if said.startswith(CANNOT_TELL) else ""
+            names.setdefault(why, []).append(one["name"])
+    return [", ".join(own) + f": {why}" * bool(why) for why, own in names.items()]
 
 
 def folded(title, texts):
