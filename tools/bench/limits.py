@@ -40,6 +40,7 @@ JUDGED = of_causes.ExternalRenders("given", "known", "named like the photos")
 TIMING = {"rays_seen": None}
 # A fault that costs so much of the held-out score is to be named first.
 STRONG_DB = 0.3
+# What is fitted, {(module, name): where the fit starts}: limits of before these cases,
 # so that no fit depends on a fit before it. Those of too few photos are not fitted: no
 # fault leaves photos out.
 LIMITS = {
