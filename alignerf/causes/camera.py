@@ -10,7 +10,7 @@ PART_PX = 0.2
 # given poses of real captures up to 0.6 px, cameras that are off by 2 px 1.3 px.
 REPROJECTION_PX = 0.8
 # Right cameras leave no more of the matches' error, in px of the photo.
-RIGHT_PX = 1.0
+RIGHT_PX = 0.6
 # In dB on courtyard, where poses are off by 1.5 px and objects move, over plain
 # training of the same seconds, those of one and of two (docs/measured/in_loop.csv).
 AUTO_DB, AUTO_TWICE_DB = 1.2, 2.1

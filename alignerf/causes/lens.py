@@ -18,6 +18,8 @@ LENS_PX = 1.0
 LENS_FRACTION, ALONE_FRACTION = 0.4, 0.57
 # What right cameras leave of it in px of the photo, where no adjustment says so.
 FLOOR_PX = 0.3
+# A lens that is all has to gain so much in px of the photo, and may leave so much.
+MIN_GAIN_PX, MAX_LEFT_PX = 0.02, 0.6
 # What a wrong lens looks like in flows.
 EXPLAINS = ("camera", "motion", "sparse")
 SPOILS = "the lens is not the one that the cameras say"
@@ -29,8 +31,7 @@ def fraction(e):
     found = of_cameras(e)
     if not (found and found.changed):
         return 0.0
-    adjusted = e.matches.accepted and not e.matches.applied
-    least = min(found.after_px, e.matches.after_px if adjusted else FLOOR_PX)
+    least = min(found.after_px, e.matches.after_px if corrects(e) else FLOOR_PX)
     return (found.before_px - found.after_px) / max(found.before_px - least, 1e-9)
 
 
@@ -49,7 +50,16 @@ def by_matches(e):
 
 def is_alone(e):
     """Whether the lens is all that matches have against the cameras."""
-    return fraction(e) >= ALONE_FRACTION
+    found = of_cameras(e)
+    if not found or fraction(e) < ALONE_FRACTION:
+        return False
+    gain_px = found.before_px - found.after_px
+    return gain_px >= MIN_GAIN_PX and found.after_px <= MAX_LEFT_PX
+
+
+def corrects(e):
+    """Whether there are adjusted cameras besides those in use."""
+    return e.matches.accepted and not e.matches.applied
 
 
 def part_px(e, part):
@@ -149,7 +159,7 @@ SHIFT = cause(
     advice="check pixel centres and principal point of the given cameras.",
     advice_external=lambda e, gains: (
         CORRECTED
-        if part_px(e, "centre") > LENS_PX and e.matches.accepted
+        if part_px(e, "centre") > LENS_PX and corrects(e)
         else "check pixel centres and principal point in what you gave the program: "
         "shifts of half a pixel come from a wrong origin of pixels."
     ),
@@ -177,17 +187,17 @@ FOCAL = cause(
     called="the focal length is {probably}off",
     sentence=lambda e, probably: (
         f"The focal length is {probably}off: matches between photos ask for "
-        f"{by_matches(e).focal_ratio:.4f} times the given one."
+        f"{by_matches(e).focal_ratio:.4f} times the one in use."
     ),
     advice=lambda e, gains: (
-        f"multiply the given focal length by {by_matches(e).focal_ratio:.4f}, or "
+        f"multiply the focal length by {by_matches(e).focal_ratio:.4f}, or "
         "adjust the cameras before training: `poses: adjusted` in the config."
     ),
     advice_external=lambda e, gains: (
         CORRECTED
-        if e.matches.accepted
-        else f"multiply the focal length by {by_matches(e).focal_ratio:.4f}, and train "
-        "again."
+        if corrects(e)
+        else f"multiply the focal length by {by_matches(e).focal_ratio:.4f}, and "
+        "train again."
     ),
 )
 SHUTTER = cause(

@@ -5,7 +5,7 @@ from alignerf.causes import base, remedies
 # Pixels that do not move with their camera: by so much at least, and by so much of what
 # it moves, since a model that averages wrong poses is bent; and their share. That is up
 # to 0.052 where nothing is wrong, and 0.17 where patches move by 5 px of the photo.
-MOVED_PX, MOVED_OF_CAMERA, MOVED_FRACTION = 0.5, 0.7, 0.063
+MOVED_PX, MOVED_OF_CAMERA, MOVED_FRACTION = 0.5, 0.7, 0.07
 # What a model that is bent or blurred by another cause does not come to.
 MOVED_ANYWAY = 0.25
 # In dB on courtyard where objects alone move, over plain training of the same seconds

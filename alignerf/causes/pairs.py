@@ -19,10 +19,6 @@ PAIRS = base.Cause(
     decide=lambda e: (share(e), True) if e.pairs.faults else None,
     looked_for=lambda e: e.pairs.count > 0,
     says=lambda e: f"{len(e.pairs.faults) or 'none'} wrong of {e.pairs.count}",
-    explains=("sparse",),
-    # One bad pair is left out, and spoils nothing.
-    explains_now=lambda e: len(e.pairs.faults) > 1,
-    spoils="some photos or renders are not those of their views",
     called="some renders are left out",
     sentence=lambda e, probably: f"Left out: {pairs.sentence(e.pairs)}.",
     advice="",

@@ -30,7 +30,7 @@ FEW_EPOCHS = 0.5
 LEFT = 0.4
 # Detail of another program's renders over their photos': in the second finest octave,
 # and in the finest over the third; renders of half the size have a third of it.
-MIN_DETAIL, MIN_FINEST = 0.4, 0.35
+MIN_DETAIL, MIN_FINEST = 0.32, 0.35
 
 
 def told_px(overfit_px):

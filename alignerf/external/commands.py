@@ -133,7 +133,9 @@ def run(words, *, cores=1) -> float:
     print(faults.one_line(shlex.join(words)), flush=True)
     begun_s, asked, tail = time.perf_counter(), [], bytearray()
     # A signal between the start and the handlers would leave the command running.
-    before = {one: signal.signal(one, lambda n, _: asked.append(n)) for one in ENDING}
+    # One that is ignored, as under nohup, stays so.
+    heard = [one for one in ENDING if signal.getsignal(one) is not signal.SIG_IGN]
+    before = {one: signal.signal(one, lambda n, _: asked.append(n)) for one in heard}
     try:
         process = opened(words, cores)
         copying = threading.Thread(target=copy, args=(process, tail), daemon=True)

@@ -212,15 +212,16 @@ def step_of(places):
 
 def adjustment_of(poses):
     """What a poses.json says of adjusting its cameras; {} where it was not asked."""
-    return _part(_part(poses, "camera_check"), "adjustment")
+    return part_of(part_of(poses, "camera_check"), "adjustment")
 
 
 def keypoints_of(poses):
     """What a poses.json says of aligning keypoints; {} where they were not."""
-    return _part(poses, "keypoints") or _part(adjustment_of(poses), "keypoints")
+    return part_of(poses, "keypoints") or part_of(adjustment_of(poses), "keypoints")
 
 
-def _part(content, key):
+def part_of(content, key):
+    """A mapping in a mapping; {} where there is none."""
     found = content.get(key)
     return found if isinstance(found, dict) else {}
 

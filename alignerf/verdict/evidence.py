@@ -212,7 +212,7 @@ def of_matches(poses):
         return None
     accepted = bool(told.get("accepted"))
     off = (told["pose_error_px"], told["worst_px"]) if accepted else (math.nan,) * 2
-    lenses = poses["camera_check"].get("lens") or {}
+    lenses = prepared.part_of(poses["camera_check"], "lens")
     return causes.Matches(
         accepted,
         accepted and poses["poses"] == "adjusted",
@@ -225,8 +225,14 @@ def lens_told(found):
     """`sfm.lens.Lens` by what it has told; None of anything else."""
     if not isinstance(found, dict) or not {*Lens._fields} <= {*found}:
         return None
-    own = {key: number(found[key]) for key in Lens._fields if key != "changed"}
-    return Lens(changed=found["changed"] or [], **own)
+    own = {key: found[key] for key in Lens._fields if key != "changed"}
+    known = (*json_files.NUMBER, type(None))
+    changed = found["changed"]
+    if not isinstance(changed, list) or not {*map(type, own.values())} <= {*known}:
+        return None
+    numbers = {key: number(value) for key, value in own.items()}
+    # What is no finite number changes nothing.
+    return Lens(changed if all(map(math.isfinite, numbers.values())) else [], **numbers)
 
 
 def read_judged(poses, before=None, width_px=None):

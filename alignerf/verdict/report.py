@@ -160,6 +160,8 @@ def of_judged_alignment(e):
         return with_export(e, motion.CAUSE.advice_external)
     if not shift.tells(e):
         return "render larger pictures: at this size a shift is too small to be seen."
+    if coverage.SPARSE.find(e):
+        return coverage.SPARSE.advice_external
     return (
         "nothing about alignment. For sharper renders train longer, or a larger model."
     )
@@ -222,8 +224,11 @@ def gauge(cause, e, findings, spoilt=None):
         says = f"{CANNOT_TELL} {spoilt.cause.spoils}"
     elif cause.says:
         says = cause.says(e)
-    elif level == "not seen" and value > limit:
-        says = f"{number(value)} {cause.unit}, within its error"
+    elif level == "not seen" and (
+        value < limit if cause.more_is_better else value > limit
+    ):
+        # Views do not agree on it, or matches deny it.
+        says = f"{number(value)} {cause.unit}, not confirmed"
     return {
         "cause": cause.name,
         "name": cause.label,

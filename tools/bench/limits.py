@@ -22,7 +22,6 @@ from alignerf import causes
 from alignerf.causes import base as of_causes
 from alignerf.causes import (
     blur,
-    camera,
     coverage,
     exposure,
     lens,
@@ -41,12 +40,11 @@ TIMING = {"rays_seen": None}
 # A fault that costs so much of the held-out score is to be named first.
 STRONG_DB = 0.3
 # What is fitted, {(module, name): where the fit starts}: limits of before these cases,
-# so that no fit depends on a fit before it. Those of too few photos are not fitted: no
-# fault leaves photos out.
+# so that no fit depends on a fit before it. Those of too few photos are not fitted, as
+# no fault leaves photos out, nor those of flows alone, as all cases have matches.
 LIMITS = {
     (shift, "MIN_DETAIL"): 0.5,
     (shift, "MIN_FINEST"): 0.35,
-    (camera, "PART_PX"): 0.2,
     (motion, "MOVED_FRACTION"): 0.05,
     (motion, "MOVED_ANYWAY"): 0.25,
     (lens, "SHIFT_PX"): 0.045,
@@ -79,9 +77,8 @@ OTHERS = {
     "a phone's poses": ("camera", "lens_shift"),
     "a lost view": ("pairs", "floaters"),
 }
-# True of captures as they are: grass and leaves move; brightness changes, which
-# matches between photos show, too.
-OWN = {"treehill": {"motion", "exposure"}, "castle": {"exposure"}}
+# True of captures as they are: brightness changes, which matched keypoints show, too.
+OWN = {"treehill": {"exposure"}, "castle": {"exposure"}}
 
 
 def collect(out, captures, known=None):

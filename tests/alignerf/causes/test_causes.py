@@ -190,7 +190,7 @@ def test_what_is_named(changes, named):
     ("changes", "cause", "size", "sure"),
     [
         ({"shared_ev": 0.3, "exposure_ev": 0.07}, "exposure", 0.3, False),
-        ({"moved_fraction": 0.07}, "motion", 0.07, False),
+        ({"moved_fraction": 0.08}, "motion", 0.08, False),
         ({"epochs": 0.4}, "undertrained", 0.4, False),
         ({"flow_train_px": 0.4, "camera_px": 0.3}, "camera", 0.3, False),
         ({"crops": APART}, "camera", 0.34, True),
