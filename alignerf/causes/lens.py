@@ -63,14 +63,15 @@ def corrects(e):
 
 
 def part_px(e, part):
-    """By how much a part of the lens is off, in px of the photo at its corner."""
+    """By how much matches call a part of the lens off, in px of the photo; 0: not."""
     found = by_matches(e)
     if not (found and part in found.changed):
         return 0.0
+    px = getattr(found, f"{part}_px", 0.0)
     if part == "focal":
         # At the middle of the left and the right edge.
-        return abs(found.focal_ratio - 1) * 0.5 * e.photo_width_px
-    return getattr(found, f"{part}_px")
+        px = abs(found.focal_ratio - 1) * 0.5 * e.photo_width_px
+    return px if px > LENS_PX else 0.0
 
 
 def of_part(e, part, otherwise=None):
@@ -78,8 +79,7 @@ def of_part(e, part, otherwise=None):
 
     otherwise: what flows say, (px of the training, whether it is sure) or None.
     """
-    px = part_px(e, part)
-    if px > LENS_PX:
+    if px := part_px(e, part):
         return px / e.photo_px, px > 2 * LENS_PX and fraction(e) >= LENS_FRACTION
     return otherwise
 
@@ -115,10 +115,10 @@ def gauge(part, flow, limit):
 
     def value(e):
         px = part_px(e, part)
-        return px / e.photo_px if px > LENS_PX else flow(e)
+        return px / e.photo_px if px else flow(e)
 
     def its_limit(e):
-        return LENS_PX / e.photo_px if part_px(e, part) > LENS_PX else limit(e)
+        return LENS_PX / e.photo_px if part_px(e, part) else limit(e)
 
     return {"value": value, "limit": its_limit}
 
@@ -134,7 +134,7 @@ def cause(part, flow=lambda e: 0.0, limit=lambda e: LENS_PX / e.photo_px, **more
         explains=EXPLAINS,
         explains_now=is_alone,
         spoils=SPOILS,
-        stands=lambda e: part_px(e, part) > LENS_PX,
+        stands=lambda e: part_px(e, part) > 0,
         **more,
     )
 
@@ -151,7 +151,7 @@ SHIFT = cause(
     sentence=lambda e, probably: (
         f"The principal point is {probably}off: matches between photos ask for one "
         f"that lies {base.length(part_px(e, 'centre'))} away."
-        if part_px(e, "centre") > LENS_PX
+        if part_px(e, "centre")
         else f"All photos are {probably}shifted alike, by "
         f"{base.length(e.photo_px * e.shift_px)}: the principal point is wrong, or "
         "pixel centres lie half a pixel off."
@@ -159,7 +159,7 @@ SHIFT = cause(
     advice="check pixel centres and principal point of the given cameras.",
     advice_external=lambda e, gains: (
         CORRECTED
-        if part_px(e, "centre") > LENS_PX and corrects(e)
+        if part_px(e, "centre") and corrects(e)
         else "check pixel centres and principal point in what you gave the program: "
         "shifts of half a pixel come from a wrong origin of pixels."
     ),

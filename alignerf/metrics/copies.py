@@ -3,6 +3,8 @@
 import cv2
 import numpy as np
 
+from alignerf.metrics import pairs
+
 # Small pictures of this side; copies differ by fewer levels of 8 bits (RMS), and by a
 # smaller part of their contrast: JPEG of quality 75 comes to 0.8 levels and 0.015,
 # neighbours of six captures to 3.5 and 0.09 and more.
@@ -14,11 +16,8 @@ PLACE = 0.01
 
 def small(photo):
     """[SIDE_PX * SIDE_PX] float32 of a photo's luminance, made small."""
-    grey = cv2.cvtColor(np.ascontiguousarray(photo), cv2.COLOR_RGB2GRAY)
     side = SIDE_PX, SIDE_PX
-    return cv2.resize(
-        grey.astype(np.float32), side, interpolation=cv2.INTER_AREA
-    ).ravel()
+    return cv2.resize(pairs.grey(photo), side, interpolation=cv2.INTER_AREA).ravel()
 
 
 def of(pictures, camtoworlds):

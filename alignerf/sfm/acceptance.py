@@ -59,12 +59,17 @@ class Judgement(NamedTuple):
 
     def told(self):
         """For a report in JSON; null for what is not known."""
-        numbers = {
-            key: round(value, 4) if np.isfinite(value) else None
-            for key, value in self._asdict().items()
-        }
+        numbers = rounded(self._asdict(), 4)
         flags = ("accepted", "halved", "worse")
         return numbers | {flag: bool(getattr(self, flag)) for flag in flags}
+
+
+def rounded(numbers, digits):
+    """Numbers for JSON; null for what is not known."""
+    return {
+        key: round(value, digits) if np.isfinite(value) else None
+        for key, value in numbers.items()
+    }
 
 
 def judge(matches: Matches, before: Cameras, after: Cameras, photo_px=1.0, moved=None):

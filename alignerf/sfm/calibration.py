@@ -162,12 +162,17 @@ def errors_px(
 
 def in_front(views, xy, pixtocams, camtoworlds):
     """[m] whether a match's rays meet in front of both cameras."""
+    depths, _ = nearest(views, xy, pixtocams, camtoworlds)
+    return (depths > 0).all(axis=-1)
+
+
+def nearest(views, xy, pixtocams, camtoworlds):
+    """(depths [m, 2] of where a match's rays are nearest, times [m] which is >= 0)."""
     rays, centres = geometry(views, xy, pixtocams, camtoworlds)
     (a, b), base = rays.swapaxes(0, 1), centres[:, 1] - centres[:, 0]
     aa, ab, bb = (a * a).sum(-1), (a * b).sum(-1), (b * b).sum(-1)
     at, bt = (a * base).sum(-1), (b * base).sum(-1)
-    # Depths of the nearest points, times a determinant that is not negative.
-    return (bb * at - ab * bt > 0) & (ab * at - aa * bt > 0)
+    return np.stack([bb * at - ab * bt, ab * at - aa * bt], -1), aa * bb - ab**2
 
 
 def by_view(views, errors, n):

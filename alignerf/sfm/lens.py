@@ -48,11 +48,8 @@ class Lens(NamedTuple):
 
     def told(self):
         """For a report in JSON."""
-        return {"changed": self.changed} | {
-            key: round(value, 5) if np.isfinite(value) else None
-            for key, value in self._asdict().items()
-            if key != "changed"
-        }
+        numbers = self._asdict()
+        return {"changed": numbers.pop("changed")} | acceptance.rounded(numbers, 5)
 
 
 def fit(matches: Matches, cameras: Cameras, photo_px=1.0, *, seed=0) -> Lens:
@@ -181,15 +178,11 @@ def motions_of(matches: Matches, cameras: Cameras):
 def depths_of(matches: Matches, cameras: Cameras):
     """[n] median depth of what each view's matches show; NaN of a view without any."""
     views, xy = calibration.undistorted(matches, cameras).places()
-    rays, centres = calibration.geometry(
+    depths, times = calibration.nearest(
         views, xy, cameras.pixtocams, cameras.camtoworlds
     )
-    (a, b), base = rays.swapaxes(0, 1), centres[:, 1] - centres[:, 0]
-    aa, ab, bb = (a * a).sum(-1), (a * b).sum(-1), (b * b).sum(-1)
-    at, bt = (a * base).sum(-1), (b * base).sum(-1)
-    across = aa * bb - ab**2
     with np.errstate(divide="ignore", invalid="ignore"):
-        near = np.stack([bb * at - ab * bt, ab * at - aa * bt], -1) / across[:, None]
+        near = depths / times[:, None]
     found = np.full(len(matches.names), np.nan)
     for view in range(len(found)):
         own = near[views == view]

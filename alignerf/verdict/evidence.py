@@ -34,11 +34,10 @@ MIN_SPREAD_VIEWS = 4
 HIDDEN = 0.01
 
 
-def read_views(loaded: prepared.Scene, base, look=None):
+def read_views(loaded: prepared.Scene, base, look):
     """A `seen.Seen` of each view whose render and flow are there.
 
-    base: the reference's round 0. look: `pairs.look` with its options, where pairs are
-    to be checked.
+    base: the reference's round 0. look: `pairs.look` with its options.
     """
     found = []
     for split in prepared.SPLITS:
@@ -81,16 +80,13 @@ def sums_of(found):
     # Where training views were not rendered, test views have to tell.
     main = train if len(train) else test
     detail = main["sharpness_ratio"].median()
-    tones = {
-        split: tone.of_views([found[i].levels for i in own.index])
-        for split, own in (("train", train), ("test", test))
-    }
-    common = tones["train" if len(train) else "test"]
+    tones = [
+        tone.of_views([found[i].levels for i in own.index]) for own in (train, test)
+    ]
+    common = tones[0] if len(train) else tones[1]
     # Renders of training views have learnt some of their photos' brightness.
     exposures = [
-        spread(tones[split].even_ev)
-        for split, own in (("train", train), ("test", test))
-        if len(own) >= MIN_SPREAD_VIEWS
+        spread(one.even_ev) for one in tones if len(one.even_ev) >= MIN_SPREAD_VIEWS
     ] or [spread(common.even_ev)]
     octaves = np.array([found[i].octaves for i in main.index])
     octaves = octaves.reshape(-1, spectrum.OCTAVES)
@@ -131,8 +127,9 @@ def read(scene, base, *, overfit=None, crops=(None, None), before=None):
     look = partial(pairs.look, whole=bool(told and not told.get("transparent")))
     found = read_views(loaded, base, look)
     rows = [one.row for one in found]
-    looked = {one.row.view: one.pair for one in found if one.pair}
+    looked = {one.row.view: one.pair for one in found}
     shared = spread(exposure.stops([one.sampled for one in found]))
+    poses_of_views = [one.sampled.camtoworld for one in found]
     main = [row.view for row in rows if row.split == "train"] or list(looked)
     checked = pairs.check(looked, main)
     if rays_seen is not None:
@@ -172,7 +169,7 @@ def read(scene, base, *, overfit=None, crops=(None, None), before=None):
         matches=of_matches(poses),
         pairs=checked,
         by_colmap=by_colmap(poses, scene),
-        copies=len(copies.of([one.small for one in found], places_of(loaded, found))),
+        copies=len(copies.of([one.small for one in found], np.array(poses_of_views))),
         **sums_of([one for one in found if one.row.view not in bad]),
         **lens_of(loaded, base),
     )
@@ -183,12 +180,6 @@ def hidden_views(hidden):
     """How many views a floater hides a part of; NaN where no depth is known."""
     known = np.isfinite(hidden)
     return float((hidden[known] > HIDDEN).sum()) if known.any() else math.nan
-
-
-def places_of(loaded: prepared.Scene, found):
-    """Poses [n, 3, 4] of the views, in the frame in which cameras are 1 apart."""
-    order = {name: i for i, name in enumerate(loaded.names)}
-    return loaded.camtoworlds[[order[one.row.view] for one in found]]
 
 
 def by_colmap(poses, scene):

@@ -15,12 +15,12 @@ from alignerf.verdict import views
 class Seen(NamedTuple):
     """A view's row, and what is compared with other views'.
 
-    pair: None where pairs are not checked. octaves: of `spectrum`. hidden: the fraction
-    of the view that something close to the camera hides.
+    octaves: of `spectrum`. hidden: the fraction of the view that something close to the
+    camera hides.
     """
 
     row: views.View
-    pair: pairs.Seen | None
+    pair: pairs.Seen
     sampled: exposure.Sampled
     levels: tone.Levels
     octaves: np.ndarray
@@ -31,7 +31,7 @@ class Seen(NamedTuple):
 def of_view(loaded: prepared.Scene, base, split, tables, look, view):
     """The `Seen` of a view.
 
-    tables: of its split, by names; look: `pairs.look` with its options, or None.
+    tables: of its split, by names; look: `pairs.look` with its options.
     """
     name = loaded.names[view]
     (photo,) = prepared.read_images(loaded, [view], loaded.folder / "images")
@@ -57,7 +57,7 @@ def of_view(loaded: prepared.Scene, base, split, tables, look, view):
     shown = np.where(counts[..., None], photo, render)
     return Seen(
         measured,
-        look and look(photo, render, counts),
+        look(photo, render, counts),
         sampled,
         tone.levels_of(photo, render, counts),
         spectrum.octaves(shown, render) * (1.0 if counts.mean() > 0.5 else np.nan),

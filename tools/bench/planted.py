@@ -82,9 +82,7 @@ def main(argv=None):
 
 def cases(captures):
     """All cases, those first that others need, then the middle strengths."""
-    alone = [(name, 0) for name in ("nothing",)]
-    found = [(one, seed) for seed in (0, 1) for one in alone]
-    found = [((one,), seed) for one, seed in found]
+    found = [((("nothing", 0),), seed) for seed in (0, 1)]
     for place in (1, 2, 0):
         found += [(((name, place),), 0) for name in faults.PLANTS if name != "nothing"]
         if place == 1:
@@ -151,7 +149,7 @@ def matched(scene, out):
     )
     with atomic.scratch_folder(folder.parent) as scratch:
         checked = checking.check(
-            views, scratch, config_of(scene), adjusts=False, lens=0
+            views, scratch, config_of(scene), adjusts=False, lens=False
         )
         points, _ = checking.triangulated(checked, scratch, 0)
         folder.mkdir(parents=True, exist_ok=True)
