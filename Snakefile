@@ -21,7 +21,7 @@ from snakemake.utils import min_version
 from alignerf.costs import plan as costs
 from alignerf.costs import requests
 from alignerf.experiment import check, cluster, layout, plan, sources, steps, targets
-from alignerf.experiment.checks import results
+from alignerf.experiment.checks import fetched, results
 from alignerf.experiment.tables import scenes
 
 min_version("9.0")
@@ -67,6 +67,7 @@ wildcard_constraints:
     split="train|test",
 
 
+include: "workflow/rules/data.smk"
 include: "workflow/rules/scenes.smk"
 include: "workflow/rules/preflight.smk"
 include: "workflow/rules/trainings.smk"

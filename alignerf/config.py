@@ -56,7 +56,10 @@ class ForEditors(json_schema.GenerateJsonSchema):
         return {"anyOf": super().tagged_union_schema(schema)["oneOf"]}
 
     def dict_schema(self, schema):
-        return super().dict_schema(schema) | {"additionalProperties": False}
+        found = super().dict_schema(schema)
+        # A mapping of anything has its keys checked where it is used.
+        patterns = "patternProperties" in found
+        return found | {"additionalProperties": not patterns}
 
 
 def schema_text():

@@ -49,7 +49,7 @@ TIED |= {"alignerf.systems"}
 # Folders that hold commands besides the stages.
 COMMANDS = ("alignerf.networks", "alignerf.tables", "flow.figures")
 COMMANDS += ("alignerf.costs", "alignerf.verdict")
-COMMANDS += ("alignerf.page", "alignerf.cli", "alignerf.external")
+COMMANDS += ("alignerf.page", "alignerf.cli", "alignerf.external", "alignerf.scenes")
 MAX_MODULES = 12
 FORBIDDEN = {"snakemake", "pickle", "dill", "joblib", "marshal", "shelve"}
 JAX = {"jax", "flax", "optax"}
@@ -293,6 +293,8 @@ READERS = {
     "alignerf.io.json_files": {"json.loads"},
     "alignerf.io.yaml_files": {"yaml.load"},
     "alignerf.networks.torch_files": {"zipfile.ZipFile"},
+    # Of a published archive, its hash checked.
+    "alignerf.scenes.download": {"zipfile.ZipFile"},
     # PNGs of 16 bits, which Pillow has looked through and cuts to 8.
     "alignerf.scenes.photos": {"cv2.imdecode", "numpy.fromfile"},
 }

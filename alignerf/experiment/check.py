@@ -5,7 +5,14 @@ from pathlib import Path
 from alignerf import methods
 from alignerf.captures import base
 from alignerf.experiment import schema
-from alignerf.experiment.checks import filled, models, names, results, scenes
+from alignerf.experiment.checks import (
+    fetched,
+    filled,
+    models,
+    names,
+    results,
+    scenes,
+)
 from alignerf.experiment.checks.common import fault, is_there
 from alignerf.experiment.keys import config as config_keys
 from alignerf.experiment.keys import left as left_keys
@@ -29,6 +36,7 @@ def checked(config, files=()):
         fault("top level", "a config is a mapping of keys")
     names.check_names(config)
     schema.check(config_keys.Config, config)
+    config = sized(config)
     check_given(config)
     config = left_keys.leave_open(config)
     config = filled.completed(schema.filled(config_keys.Config, config))
@@ -48,6 +56,23 @@ def checked(config, files=()):
     check_weights(config)
     results.check_apart(config)
     return config
+
+
+def sized(config):
+    """The config in the size that it asks for; ValueError for a fault of the other."""
+    full_size = config.get("full_size")
+    small = config_keys.Config.model_validate(config).small
+    own = {key: v for key, v in config.items() if key not in ("small", "full_size")}
+    if full_size is None:
+        if not small:
+            fault("small", "false needs full_size")
+        return own
+    if sizes := {"small", "full_size"} & full_size.keys():
+        fault(f"full_size.{min(sizes)}", "is of the config itself")
+    full = own | full_size
+    names.check_names(full)
+    schema.check(config_keys.Config, full)
+    return own if small else full
 
 
 def check_given(config):
@@ -109,5 +134,6 @@ def check_weights(config):
     files = {f"lpips.{net}": path for net, path in config["lpips"].items()}
     files["frequency_weights"] = config["frequency_weights"]
     for key, path in files.items():
-        if path and not is_there(path, of_kind=Path.is_file):
+        there = is_there(path or "", of_kind=Path.is_file)
+        if path and not (there or fetched.by_rule(path)):
             fault(key, f"{path} does not exist")

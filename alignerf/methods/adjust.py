@@ -1,7 +1,7 @@
 """Adjust: trained as a plain method is, by cameras that bundle adjustment corrected.
 
-With `align`, `pose_optimization` or `auto` beside it, that one trains it, from such
-cameras.
+With `alignerf`, `align`, `pose_optimization` or `auto` beside it, that one trains it,
+from such cameras.
 """
 
 from alignerf.experiment import layout
@@ -12,14 +12,15 @@ from alignerf.methods import base
 class Adjusted(base.Method):
     """A method with `adjust`."""
 
-    key, order = "adjust", 3
-    beside = (*base.Method.beside, "align", "pose_optimization", "auto")
+    key, order = "adjust", 1
+    beside = (*base.Method.beside, "alignerf", "align", "pose_optimization", "auto")
     annotation = bool
     example = "adjust: true"
     field = keys.key(
         False,
         "it trains with cameras that bundle adjustment has corrected, beside methods "
-        "that train with the scene's; or beside align, pose_optimization, auto",
+        "that train with the scene's; or beside alignerf, align, pose_optimization or "
+        "auto",
     )
 
     def cameras(self, experiment, scene):

@@ -126,7 +126,7 @@ class Staged(base.Method):
 
     key, Keys, order = "alignerf", AligNeRF, 2
     what = "staged training with the three contributions"
-    beside = (*base.Method.beside, "changes")
+    beside = (*base.Method.beside, "changes", "adjust")
     systems = ("mipnerf360",)
     in_crops = True
     jobs = (Pretrain, Finetune)
@@ -154,9 +154,11 @@ class Staged(base.Method):
         """The fine-tuning, which the pre-training leads to."""
         method = experiment.methods[name]
         job = self.pretraining(experiment, scene, name)
-        folder = f"pretrain/{method['model']}"
-        pretrained = once(trainings.from_photos(scene, folder, job))
-        more, flows = {}, []
+        more = methods.input_cameras(experiment, scene, name)
+        # No model's name has a point.
+        folder = f"pretrain/{method['model']}{'.adjusted' * bool(more)}"
+        pretrained = once(trainings.from_photos(scene, folder, job, **more))
+        flows = []
         if self.moves(method, None):
             more["cameras"] = trainings.corrected(pretrained)
             flows.append(pretrained)

@@ -33,7 +33,7 @@ class Job(jobs.Job):
 class Warm(rounds.Rounds):
     """A method with `warm_start`."""
 
-    key, Keys, order = "warm_start", WarmStart, 1
+    key, Keys, order = "warm_start", WarmStart, 0
     what = (
         "each warping round goes on from the weights of the one before, instead of "
         "from scratch as in the paper"

@@ -12,28 +12,13 @@ A file's SHA-256 must be that of the published one.
 """
 
 import argparse
-import hashlib
-import http.client
 import pathlib
-import urllib.request
-from typing import NamedTuple
 
 import numpy as np
 
-from alignerf.io import atomic, faults, progress
+from alignerf.io import atomic, downloads, faults
+from alignerf.io.downloads import Published
 from alignerf.networks import backbones, convnet, torch_files
-
-BLOCK_BYTES = 1 << 20
-TIMEOUT_S = 60
-
-
-class Published(NamedTuple):
-    """A file as published: where, how many bytes, and its SHA-256."""
-
-    url: str
-    size: int
-    sha256: str
-
 
 # The names hold the first 8 digits of the hashes; the others are those that several
 # projects have pinned independently of each other.
@@ -156,33 +141,14 @@ def heads_of(what, path):
 
 def find(path, published, folder):
     """Path of a published file, its hash checked: `path`, or a download."""
-    path = path or fetch(published, folder)
-    with faults.opened(path) as file:
-        sha256 = hashlib.file_digest(file, "sha256").hexdigest()
-    if sha256 != published.sha256:
-        raise ValueError(
-            f"{path}: not {published.url}: its SHA-256 is {sha256} instead of "
-            f"{published.sha256}"
-        )
-    return path
-
-
-def fetch(published, folder):
-    """Path of a published file, fetched into a folder."""
-    path = folder / published.url.rsplit("/", 1)[1]
-    # A block more than there should be is enough to know.
-    blocks = range(1 + published.size // BLOCK_BYTES)
-    try:
-        with (
-            urllib.request.urlopen(published.url, timeout=TIMEOUT_S) as answer,
-            open(path, "wb") as file,
-        ):
-            for _ in progress.over(blocks, path.name, unit="MB"):
-                file.write(answer.read(BLOCK_BYTES))
-    except (OSError, http.client.HTTPException) as error:
-        raise ValueError(
-            f"{published.url}: {error}: fetch it by other means and give its path"
-        ) from None
+    if path is None:
+        try:
+            path = downloads.fetch(published, folder)
+        except ValueError as error:
+            raise ValueError(
+                f"{error}: fetch it by other means and give its path"
+            ) from None
+    downloads.check(path, published)
     return path
 
 

@@ -10,12 +10,13 @@ from pathlib import Path
 import pytest
 import yaml
 
-from alignerf.experiment import sources
+from alignerf.experiment import check, sources
 from alignerf.io import machine
 from tools.bench import planning
 
 ROOT = Path(__file__).resolve().parents[2]
-CONFIGS = sorted((ROOT / "workflow" / "config").glob("*.yaml"))
+CONFIGS = sorted((ROOT / "workflow" / "config").rglob("*.yaml"))
+IN_TWO_SIZES = [path for path in CONFIGS if "\nfull_size:" in path.read_text()]
 
 
 def write(folder, config):
@@ -45,6 +46,11 @@ def check_plan(output, config):
     jobs, files = expected_jobs(config), expected_files(config)
     assert jobs_of(output).items() >= jobs.items()
     assert made(output, *files) == files
+
+
+def sized(path, small=True):
+    """A config in one of its sizes."""
+    return check.sized(yaml.safe_load(path.read_text()) | {"small": small})
 
 
 def expected_jobs(config):
@@ -95,7 +101,7 @@ def counts_of(config):
     aligning = sum("align" in m for m in methods)
     warm = [m["rounds"] for m in methods if "warm_start" in m]
     trained = sum(rounds + 1 for rounds in plain) + sum(warm) + aligning
-    staged = [m.get("model") for m in methods if "alignerf" in m]
+    staged = [(m.get("model"), m.get("adjust")) for m in methods if "alignerf" in m]
     return scenes, len(staged), len(set(staged)), trained
 
 
@@ -109,7 +115,7 @@ def shared_of(config):
 
 @pytest.mark.parametrize("path", CONFIGS, ids=lambda path: path.stem)
 def test_every_config_can_be_planned(path, tmp_path, dry_run):
-    config = yaml.safe_load(path.read_text())
+    config = sized(path)
     # Stand-ins for what lies on the user's disk.
     (tmp_path / "photos").mkdir()
     (tmp_path / "weights.npz").touch()
@@ -135,24 +141,45 @@ def test_every_config_can_be_planned(path, tmp_path, dry_run):
     check_plan(output, config)
 
 
-@pytest.mark.parametrize(("name", "trainings"), [("high", 10 * 4), ("low", 5 * 7)])
-def test_the_papers_tables_are_planned(name, trainings, root, tmp_path, dry_run):
-    config = yaml.safe_load((root / f"workflow/config/outdoor_{name}.yaml").read_text())
-    for scene in config["scenes"].values():
-        scene["path"] = "photos"
+@pytest.mark.parametrize("path", IN_TWO_SIZES, ids=lambda path: path.stem)
+def test_the_papers_own_size_is_planned_without_its_data(path, tmp_path, dry_run):
+    options = ("--configfile", path, "--config", "small=false")
+    code, output = dry_run(tmp_path, "all", "-n", *options)
+    assert code == 0, output
+    names = ("download_360_v2", "download_frequency_weights")
+    assert {name: jobs_of(output).get(name) for name in names} == dict.fromkeys(
+        names, 1 if "360_v2" in path.read_text() else None
+    )
+    assert not list(tmp_path.glob("360_v2*"))
+
+
+def test_photos_that_are_there_are_no_rules_output(tmp_path, root, dry_run):
+    """Else `--forceall` deleted them."""
+    for name in ("bicycle", "flowers"):
+        (tmp_path / "360_v2" / name).mkdir(parents=True)
+    path = root / "workflow/config/table4.yaml"
+    options = ("--configfile", path, "--config", "small=false")
+    code, output = dry_run(tmp_path, "all", "-n", "--forceall", *options)
+    assert code == 0, output
+    assert "download_360_v2" not in jobs_of(output)
+    code, output = dry_run(tmp_path, "download_360_v2", "-n", *options)
+    assert made(output, "360_v2/bicycle", "360_v2/treehill") == {
+        "360_v2/bicycle": 0,
+        "360_v2/treehill": 1,
+    }
+
+
+@pytest.mark.parametrize(("number", "trainings"), [(2, 10 * 4), (3, 5 * 7)])
+def test_the_papers_tables_are_planned(number, trainings, root, tmp_path, dry_run):
+    config = sized(root / f"workflow/config/table{number}.yaml", small=False)
     for scene in [*config["scenes"], *(f"{s}_x4" for s in config["scenes"])]:
         (tmp_path / "other" / scene).mkdir(parents=True, exist_ok=True)
-    (tmp_path / "photos").mkdir()
-    # The paper's high-frequency loss and its third metric are asked for.
-    (tmp_path / "weights").mkdir()
-    for path in (config["frequency_weights"], config["lpips"]["vgg"]):
-        (tmp_path / path).touch()
     config["methods"]["other"] = {"renders": "other/{scene}"}
     written = write(tmp_path, config)
     code, output = dry_run(tmp_path, "comparison", "-n", "--configfile", written)
     assert code == 0, output
     jobs = jobs_of(output)
-    scenes = 10 if name == "high" else 5
+    scenes = 10 if number == 2 else 5
     rows = trainings + scenes
     # And a pre-training of each fine-tuning, which nobody looks at.
     assert (jobs["train"], jobs["comparison"]) == (rows + scenes, 1)
@@ -164,6 +191,12 @@ def test_the_papers_tables_are_planned(name, trainings, root, tmp_path, dry_run)
         rows,
         {"/metrics.csv": rows + scenes},
     )
+
+
+def test_the_index_has_every_config_and_no_other(root):
+    text = (root / "workflow/config/README.md").read_text()
+    listed = re.findall(r"^\| `(\w+\.yaml)` \|", text, re.MULTILINE)
+    assert sorted(listed) == sorted(path.name for path in CONFIGS)
 
 
 def test_the_configs_are_short():

@@ -1,7 +1,7 @@
 """Remedies within one training against plain training, on prepared scenes.
 
     python -m tools.bench.in_loop --out rows.csv --lengths 0.5 1 2
-        --config workflow/config/remedies.yaml --scenes results/both_wrong ...
+        --config workflow/config/evidence/remedies.yaml --scenes results/both_wrong ...
 
 Trains methods of the config on each scene, two at a time with one thread each, and adds
 a line to the CSV for each test view; what is there is not trained again. Method `true`

@@ -19,6 +19,7 @@ from typing import NamedTuple
 
 import yaml
 
+from alignerf.experiment import check
 from tools.bench import measure, report
 
 ROOT = measure.ROOT
@@ -131,8 +132,8 @@ def rows_of(what, costs, note, goals=None):
 
 def config_of(scenes):
     """The ablation's methods on so many scenes that need no files."""
-    path = ROOT / "workflow" / "config" / "ablation.yaml"
-    found = yaml.safe_load(path.read_text(encoding="utf-8"))
+    path = ROOT / "workflow" / "config" / "table4.yaml"
+    found = check.sized(yaml.safe_load(path.read_text(encoding="utf-8")))
     del found["vary"], found["regimes"]
     (scene,) = found["scenes"].values()
     return found | {"scenes": {f"scene_{k:03d}": dict(scene) for k in range(scenes)}}

@@ -1,7 +1,7 @@
 """The verdicts of captures that were trained at several sizes, as a table.
 
-    snakemake --cores N --configfile workflow/config/sizes.yaml
-    python -m tools.bench.sizes workflow/config/sizes.yaml --out crops.csv
+    snakemake --cores N --configfile workflow/config/evidence/sizes.yaml
+    python -m tools.bench.sizes workflow/config/evidence/sizes.yaml --out crops.csv
 
 Scenes are called CAPTURE_WIDTH, and CAPTURE_WIDTH_off where their poses are wrong. A
 scene without a verdict has no row.

@@ -1,6 +1,6 @@
 """One training step of every system of the paper's Table 3, at its published size.
 
-Systems and settings are those of outdoor_low.yaml, and mip-NeRF 360 with 4096 channels
+Systems and settings are those of table3.yaml, and mip-NeRF 360 with 4096 channels
 of Table 1; a few rays, since on a CPU a published batch takes minutes. Steps of all
 systems take turns. A loss or a gradient that is not finite ends the benchmark.
 """

@@ -262,7 +262,7 @@ def test_gains_in_loop_are_over_plain_training_of_as_many_steps():
 
 def test_jobs_of_remedies_are_those_of_the_config(root):
     """Of a method, and of none: plain training by true cameras."""
-    config = root / "workflow/config/remedies.yaml"
+    config = root / "workflow/config/evidence/remedies.yaml"
     found = [in_loop.job_of(config, "x_seed3", 0.5, m) for m in ("auto", "true")]
     auto, true = (jobs.parse(json.loads(one)) for one in found)
     assert (auto.seed, auto.steps, auto.own) == (3, 1000, "auto")

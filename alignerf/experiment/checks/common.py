@@ -1,10 +1,12 @@
 """How a fault is told, and what several checks ask."""
 
+import os
 import re
 from pathlib import Path
 
 from alignerf.captures import base
 
+DATA = re.compile(r"\$\{ALIGNERF_DATA:-([^{}]*)\}")
 # What Snakemake puts a path in place of.
 PATH_VARIABLE = re.compile(r"<[a-z][a-z0-9_]*>")
 
@@ -19,6 +21,21 @@ def is_there(path, *, of_kind=Path.exists):
         return of_kind(Path(path))
     except OSError:
         return False
+
+
+def home(path):
+    """A path with `~` and ${ALIGNERF_DATA:-default} written out, as a shell does it.
+
+    The variable names the folder of real data, the default stands in the config.
+    """
+    if path is None:
+        return None
+    given = os.environ.get("ALIGNERF_DATA")
+    path = DATA.sub(lambda found: given or found[1], path)
+    try:
+        return str(Path(path).expanduser())
+    except RuntimeError:
+        raise ValueError(f"config: {path}: no such user's home") from None
 
 
 def check_path_variable(where, path):

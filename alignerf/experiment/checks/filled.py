@@ -2,18 +2,13 @@
 
 import copy
 import itertools
-import os
-import re
-from pathlib import Path
 
 from alignerf import methods
 from alignerf.captures import base
 from alignerf.experiment import schema
-from alignerf.experiment.checks.common import fault, first
+from alignerf.experiment.checks.common import fault, first, home
 from alignerf.experiment.keys import scene as scene_keys
 from alignerf.experiment.keys import training as training_keys
-
-DATA = re.compile(r"\$\{ALIGNERF_DATA:-([^{}]*)\}")
 
 
 def completed(config):
@@ -94,18 +89,3 @@ def crops_of(config):
             whole = {"downscale": 1, "perturb_px": 0.0, "crop": crop}
             found[again] = copy.deepcopy(scene) | whole | length
     return found
-
-
-def home(path):
-    """A path with `~` and ${ALIGNERF_DATA:-default} written out, as a shell does it.
-
-    The variable names the folder of real data, the default stands in the config.
-    """
-    if path is None:
-        return None
-    given = os.environ.get("ALIGNERF_DATA")
-    path = DATA.sub(lambda found: given or found[1], path)
-    try:
-        return str(Path(path).expanduser())
-    except RuntimeError:
-        raise ValueError(f"config: {path}: no such user's home") from None

@@ -2,6 +2,7 @@
 
 from alignerf.captures import base
 from alignerf.experiment import schema
+from alignerf.experiment.checks import fetched
 from alignerf.experiment.checks.common import check_path_variable, fault, is_there
 from alignerf.experiment.keys import scene as scene_keys
 
@@ -74,5 +75,5 @@ def check_path(scene, name):
         if path and set(path) & set("{}"):
             fault(where, f"{path}: braces mean wildcards, rename it")
         check_path_variable(where, path or "")
-        if path and not is_there(path):
+        if path and not (is_there(path) or fetched.by_rule(path)):
             fault(where, f"{path} does not exist")

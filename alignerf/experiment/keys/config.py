@@ -1,6 +1,8 @@
 """A config as a whole, and its variations."""
 
-from typing import Literal
+from typing import Annotated, Any, Literal
+
+import pydantic
 
 from alignerf import methods
 from alignerf.experiment.keys.flow import Flow
@@ -75,6 +77,13 @@ class Crops(Keys):
 class Config(Keys):
     """Every key of a config. Only `scenes` has to be there."""
 
+    # Of `--config small=false` Snakemake makes a word.
+    small: Annotated[bool, pydantic.Strict(False)] = key(
+        True, "the size below; false: what `full_size` has instead"
+    )
+    full_size: dict[str, Any] | None = key(
+        None, "keys of a config that stand in place of its own where `small` is false"
+    )
     seed: int = key(0, "of scene, poses and trainings", least=0, most=2**32 - 1)
     preflight: bool = key(
         True,

@@ -101,7 +101,7 @@ def test_bounds_that_the_program_counts_on(editors):
 
 
 def test_editors_take_every_config_of_ours(editors, root):
-    configs = sorted((root / "workflow/config").glob("*.yaml"))
+    configs = sorted((root / "workflow/config").rglob("*.yaml"))
     assert len(configs) > 10
     for path in configs:
         jsonschema.validate(yaml.safe_load(path.read_text()), editors)

@@ -25,12 +25,12 @@ def job_of(experiment, scene, method):
 
 
 def test_configs_that_share_results_agree_on_them(root):
-    """matching.yaml is of ablation.yaml's scenes, choices.yaml of another seed."""
+    """matching.yaml is of table4.yaml's scenes, choices.yaml of another seed."""
     ablation, matching, choices = (
         check.checked(
             yaml.safe_load((root / f"workflow/config/{name}.yaml").read_text())
         )
-        for name in ("ablation", "matching", "choices")
+        for name in ("table4", "evidence/matching", "evidence/choices")
     )
     left_out = ("methods", "regimes", "reference")
     shared = {k: v for k, v in ablation.items() if k not in left_out}
