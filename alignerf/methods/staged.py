@@ -13,6 +13,9 @@ from alignerf.experiment.checks.common import fault
 from alignerf.experiment.keys.key import Keys, key, learning_rates
 from alignerf.methods import base
 
+# What needs rays that are neighbours is left out of dilated patches.
+DENSE = {"convolution": False, "frequency_weight": 0, "matching": "patch"}
+
 
 class AligNeRF(Keys):
     """The three contributions and the two stages' shares of the steps."""
@@ -25,7 +28,15 @@ class AligNeRF(Keys):
     )
     learning_rates: list[float] = learning_rates(0.003, 0.0003)
     patches: int = key(4, "patches a step", least=1, most=4096)
-    patch_px: int = key(16, "side of a patch", least=8, most=512)
+    patch_px: int = key(16, "rays along a side of a patch", least=8, most=512)
+    dilation: int = key(
+        1,
+        "1: a patch's rays are neighbours, as in the paper; else each is drawn from a "
+        "cell of so many pixels a side, so that they teach more, without convolution "
+        "and frequency loss",
+        least=1,
+        most=64,
+    )
     convolution: bool = key(
         True, "contribution 1, patch convolution; false shows the model's colours"
     )
@@ -65,6 +76,10 @@ class AligNeRF(Keys):
     def check_radius(self):
         if self.matching == "pixel" and self.radius_px == 0:
             raise ValueError("radius_px: matching pixel needs 1 or more")
+        if self.dilation > 1:
+            for name, value in DENSE.items():
+                if getattr(self, name) != value:
+                    raise ValueError(f"{name}: dilation above 1 needs {value}".lower())
         return self
 
 
@@ -202,6 +217,8 @@ class Staged(base.Method):
         if settings["radius_px"] != 0:
             matched = settings["matching"] == "patch"
             parts.append("aligned" if matched else "contextual")
+        if settings["dilation"] > 1:
+            parts.append("dilated")
         if settings["error"] != "squared":
             parts.append(settings["error"])
         if settings["frequency_weight"] > 0:

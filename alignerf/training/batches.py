@@ -35,8 +35,24 @@ class RayBatch(NamedTuple):
     weight: Any  # [n]
 
 
+class Patches(NamedTuple):
+    """What the patches of a step are like.
+
+    side_px: p rays along each side. radius_px: of the search around them. dilation: 1
+    for neighbours; else each ray is drawn from a cell of so many pixels a side.
+    """
+
+    count: int
+    side_px: int
+    radius_px: int
+    dilation: int = 1
+
+
 class PatchBatch(NamedTuple):
-    """Square patches of p x p rays in the middle of q x q pixels of a photo."""
+    """Square patches of p x p rays in the middle of q x q pixels of a photo.
+
+    Of dilated patches, the s x s pixels around each ray, [n, p, p, s, s, 3].
+    """
 
     view: Any  # [n]
     rays: Any  # cameras.Rays [n, p p]
@@ -148,27 +164,36 @@ def scrambled(x):
     return x ^ (x >> 16)
 
 
-def draw_patches(key, step, views: Views, count, size, radius, rounds) -> PatchBatch:
-    """Patches drawn uniformly from all views, size p, with q = p + 2 radius."""
+def draw_patches(key, step, views: Views, patches: Patches, rounds) -> PatchBatch:
+    """Patches drawn uniformly from all views."""
     n, h, w, _ = views.photos.shape
+    count, size, radius, dilation = patches
     key_view, key_y, key_x, key_jitter = jax.random.split(
         jax.random.fold_in(key, step), 4
     )
     view = jax.random.randint(key_view, (count,), 0, n)
-    top = jax.random.randint(key_y, (count,), 0, h - size + 1)
-    left = jax.random.randint(key_x, (count,), 0, w - size + 1)
-    inner, outer = jnp.arange(size), jnp.arange(-radius, size + radius)
-    y = jnp.broadcast_to(top[:, None, None] + inner[None, :, None], (count, size, size))
-    x = jnp.broadcast_to(
-        left[:, None, None] + inner[None, None, :], (count, size, size)
-    )
+    window = size * dilation
+    top = jax.random.randint(key_y, (count,), 0, h - window + 1)
+    left = jax.random.randint(key_x, (count,), 0, w - window + 1)
+    inner, outer = dilation * jnp.arange(size), jnp.arange(-radius, size + radius)
+    y = top[:, None, None] + inner[None, :, None]
+    x = left[:, None, None] + inner[None, None, :]
+    y, x = jnp.broadcast_arrays(y, x)
+    if dilation == 1:
+        rows = top[:, None, None] + outer[None, :, None]
+        columns = left[:, None, None] + outer[None, None, :]
+    else:
+        key_y, key_x = (jax.random.fold_in(key, 1) for key in (key_y, key_x))
+        y = y + jax.random.randint(key_y, y.shape, 0, dilation)
+        x = x + jax.random.randint(key_x, x.shape, 0, dilation)
+        moves = jnp.expand_dims(jnp.arange(-radius, radius + 1), (0, 1, 2, 3))
+        rows = y[..., None, None] + jnp.swapaxes(moves, 3, 4)
+        columns = x[..., None, None] + moves
     camera = views.pixtocams[view][:, None], views.camtoworlds[view][:, None]
     rays = cameras.pixels_to_rays(x.reshape(count, -1), y.reshape(count, -1), *camera)
-    rows, columns = (edge[:, None] + outer[None] for edge in (top, left))
-    exists = ((rows >= 0) & (rows < h))[:, :, None]
-    exists = exists & ((columns >= 0) & (columns < w))[:, None, :]
+    exists = (rows >= 0) & (rows < h) & (columns >= 0) & (columns < w)
     rows, columns = jnp.clip(rows, 0, h - 1), jnp.clip(columns, 0, w - 1)
-    where = (view[:, None, None], rows[:, :, None], columns[:, None, :])
+    where = (view.reshape(count, *[1] * (rows.ndim - 1)), rows, columns)
     exists = exists * is_valid(views, *where)
     return PatchBatch(
         view=view,

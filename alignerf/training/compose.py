@@ -51,6 +51,7 @@ def without_cameras(job: jobs.Job, *, to_train, learning=False) -> methods.Metho
         model,
         patches=chosen.patches,
         patch_px=chosen.patch_px,
+        dilation=chosen.dilation,
         convolution=chosen.convolution,
         loss=make_loss(chosen, to_train=to_train),
         **shared,

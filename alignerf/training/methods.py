@@ -214,13 +214,15 @@ def alignerf(
     loss: Loss,
     loss_weights: LossWeights,
     proposal_fraction=1.0,
+    dilation=1,
 ) -> Method:
     """AligNeRF: patches of rays, patch convolution, aligned and frequency losses.
 
     Each of the three can be left out, for the ablation. Resampling is not annealed:
-    the proposals are trained when fine-tuning starts.
+    the proposals are trained when fine-tuning starts. dilation: see `batches.Patches`.
     """
     head = patch_conv.PatchConv() if convolution else None
+    drawn = batches.Patches(patches, patch_px, loss.radius_px, dilation)
 
     def colours(params, values, *, padded=False):
         if head is None:
@@ -262,7 +264,7 @@ def alignerf(
         units=patches,
         init=init,
         draw=lambda key, step, views: batches.draw_patches(
-            key, step, views, patches, patch_px, loss.radius_px, model.jitters
+            key, step, views, drawn, model.jitters
         ),
         terms=terms,
         render=lambda params, rays: model.apply({"params": params["model"]}, rays),

@@ -99,11 +99,11 @@ def printed_lines(path, number):
     if not path or number is None:
         return []
     names = ("source", "table", "group", "method", "test_set", "hours", "params_m")
-    table = csv_files.read(path, columns=(*names, *PRINTED, "origin"))
+    table = csv_files.read(path, columns=(*names, *PRINTED))
     lines = []
     for row in table[table["table"] == number].to_dict("records"):
         params = row["params_m"]
-        kept = ("group", "test_set", "source", "origin", *PRINTED)
+        kept = ("group", "test_set", "source", *PRINTED)
         lines.append(
             {
                 "called": row["method"],

@@ -40,6 +40,7 @@ JOB = {
         "learning_rates": [0.003, 0.0003],
         "patches": 2,
         "patch_px": 16,
+        "dilation": 1,
         "convolution": True,
         "features": 5,
         "matching": "patch",
@@ -240,6 +241,10 @@ def test_a_pre_training_is_a_share_of_the_length(job, share, reason):
 
 
 def test_pixels_are_matched_within_a_radius(job):
+    job["alignerf"] |= {"dilation": 2}
+    with pytest.raises(ValueError, match="convolution: dilation above 1 needs false"):
+        jobs.parse(job)
+    job["alignerf"]["dilation"] = 1
     job["alignerf"] |= {"matching": "pixel", "radius_px": 0}
     with pytest.raises(ValueError, match="radius_px: matching pixel needs 1 or more"):
         jobs.parse(job)
