@@ -1,6 +1,7 @@
 """Draw the figures made from docs/measured: `python -m tools.docs.figures`.
 
 docs/pictures/resolution.png: what misalignment costs by the size of the photos.
+docs/pictures/budget.png: what each method reaches in a time.
 """
 
 import argparse
@@ -10,7 +11,7 @@ import matplotlib.figure
 import numpy as np
 import pandas as pd
 
-from alignerf.tables import plots
+from alignerf.tables import costs, plots
 from alignerf.tables.plots import LABEL_PT, SMALL_PT
 
 PLAIN = "plain training"
@@ -29,6 +30,8 @@ def main(argv=None):
     docs = parser.parse_args(argv).root / "docs"
     table = read(docs / "measured/resolution.csv")
     draw_resolution(table, docs / "pictures/resolution.png")
+    budget = pd.read_csv(docs / "measured/budget.csv", comment="#")
+    draw_budget(budget, docs / "pictures/budget.png")
 
 
 def read(path):
@@ -36,6 +39,15 @@ def read(path):
     table = pd.read_csv(path, comment="#")
     table["width_px"] = table["size"].str.split("x").str[0].astype(int)
     return table.sort_values("width_px", kind="stable")
+
+
+def draw_budget(table, path):
+    """A panel a scene, a line a method: dB over seconds."""
+    table = table.rename(columns={"scene": "condition", "seconds": "total_time_s"})
+    scenes = [own for _, own in table.groupby("condition", sort=False)]
+    fronts = [costs.pareto_front(own["total_time_s"], own["psnr_db"]) for own in scenes]
+    table = pd.concat(scenes).assign(pareto=np.concatenate(fronts), warping="none")
+    plots.costs(table, path)
 
 
 def draw_resolution(table, path):

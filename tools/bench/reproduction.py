@@ -1,0 +1,241 @@
+"""What methods bring beside what the paper prints: CSVs for docs/reproduction.md.
+
+    python -m tools.bench.reproduction results --effects reproduction.csv
+        --budget budget.csv --scenes budget
+
+Of every scene with results/SCENE/comparison, as `snakemake comparison` collects it;
+runs not finished are left out. Scenes of one name are pooled over their seeds.
+
+--budget: a row for each scene, length and method. Gains are over plain training of as
+many steps, and of as many seconds, where its score is interpolated between its lengths.
+--effects: a row for each effect that the paper reports, its figure and ours.
+"""
+
+import argparse
+import re
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+import pandas as pd
+
+from alignerf.tables import frame, scores
+from alignerf.tables.across import remedies
+
+TABLE = "comparison"
+NAME = re.compile(r"(?P<scene>.+?)(_seed(?P<seed>\d+))?(_x(?P<share>[\d.]+))?")
+# Test sets of the gains, and the best known truth of a scene first.
+TRUTHS = ("oracle", "warped")
+PLAIN = ("plain", "mipnerf360")
+SCENES = {
+    "budget": "courtyard, poses off by 1.5 px, objects move",
+    "motion": "courtyard, right poses, objects move",
+    "patches": "courtyard, validation seed",
+    "flower_crop": "flower, a crop at full size",
+    "treehill_crop": "treehill, a crop at full size",
+}
+NAMES = {
+    ("plain", 0): "plain training",
+    ("mipnerf360", 0): "plain training",
+    ("plain", 1): "photos warped once",
+    ("mipnerf360", 1): "photos warped once",
+    ("patches", 0): "patches, nothing else",
+    ("alignment", 0): "alignment-aware loss alone",
+    ("alignerf", 0): "AligNeRF whole",
+    ("dilated", 0): "the loss alone, dilated patches",
+    ("adjusted_poses", 0): "cameras adjusted before",
+    ("adjusted_dilated", 0): "adjusted, and the loss on dilated patches",
+    ("aligned", 0): "cameras aligned in the loop",
+}
+
+
+class Effect(NamedTuple):
+    """What a row of the paper gains over another, on its warped test set, and ours.
+
+    paper: (table, group, (method, warping), (method, warping)). ours: (scene, share,
+    (method, round), (method, round)); None: not run.
+    """
+
+    what: str
+    paper: tuple
+    ours: tuple | None
+
+
+LARGE, SMALL = "mip-NeRF 360, c = 4096", "mip-NeRF 360, c = 1024"
+EFFECTS = (
+    Effect(
+        "large model: warped once",
+        (1, "", (LARGE, "once"), (LARGE, "none")),
+        ("table1", 1, ("mipnerf360_large", 1), ("mipnerf360_large", 0)),
+    ),
+    Effect(
+        "large model: warped twice, over once",
+        (1, "", (LARGE, "twice"), (LARGE, "once")),
+        ("table1", 1, ("mipnerf360_large", 2), ("mipnerf360_large", 1)),
+    ),
+    Effect(
+        "small model: warped once",
+        (1, "", (SMALL, "once"), (SMALL, "none")),
+        ("table1", 1, ("mipnerf360", 1), ("mipnerf360", 0)),
+    ),
+    Effect(
+        "large over small model",
+        (1, "", (LARGE, "none"), (SMALL, "none")),
+        ("table1", 1, ("mipnerf360_large", 0), ("mipnerf360", 0)),
+    ),
+    Effect(
+        "AligNeRF",
+        (1, "", ("AligNeRF, c = 1024", "none"), (SMALL, "none")),
+        ("table1", 1, ("alignerf", 0), ("mipnerf360", 0)),
+    ),
+    *(
+        Effect(
+            f"AligNeRF, {length}, {scene}",
+            (2, length, ("AligNeRF", "none"), ("mip-NeRF 360", "none")),
+            (f"{scene}_crop", share, ("alignerf", 0), ("mipnerf360", 0)),
+        )
+        for length, share in (("1x", 1), ("4x", 4))
+        for scene in ("flower", "treehill")
+    ),
+    Effect(
+        "+ patch convolution",
+        (4, "", ("+ convolution", "none"), ("baseline", "none")),
+        ("ablation", 1, ("convolution", 0), ("mipnerf360", 0)),
+    ),
+    Effect(
+        "+ alignment-aware loss",
+        (4, "", ("+ alignment", "none"), ("+ convolution", "none")),
+        ("ablation", 1, ("alignment", 0), ("convolution", 0)),
+    ),
+    Effect(
+        "+ high-frequency loss, VGG-19",
+        (4, "", ("+ high-frequency loss", "none"), ("+ alignment", "none")),
+        ("ablation", 1, ("alignerf", 0), ("alignment", 0)),
+    ),
+    Effect(
+        "all three",
+        (4, "", ("+ high-frequency loss", "none"), ("baseline", "none")),
+        ("ablation", 1, ("alignerf", 0), ("mipnerf360", 0)),
+    ),
+)
+
+
+def main(argv=None):
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("results", type=Path)
+    parser.add_argument("--scenes", nargs="+", help="names of those in --budget")
+    parser.add_argument("--steps", type=int, default=2000, help="of length 1")
+    parser.add_argument("--budget", type=Path)
+    parser.add_argument("--effects", type=Path)
+    args = parser.parse_args(argv)
+    views = read(args.results)
+    if args.budget:
+        scenes = [views[views["scene"] == name] for name in args.scenes]
+        rows = [row for own in scenes for row in budget_of(own, args)]
+        pd.DataFrame(rows).to_csv(args.budget, index=False, float_format="%.4g")
+    if not args.effects:
+        return
+    paper = pd.read_csv(Path("results/published/tables.csv")).fillna({"group": ""})
+    rows = [row_of(effect, paper, views) for effect in EFFECTS]
+    pd.DataFrame(rows).to_csv(args.effects, index=False, float_format="%.4g")
+
+
+def read(results):
+    """Lines of all scenes, a line a view; scene, seed and share are by its name."""
+    found = []
+    for path in sorted(results.glob(f"*/{TABLE}/trainings.csv")):
+        name = NAME.fullmatch(path.parents[1].name)
+        labels = {"scene": name["scene"], "seed": int(name["seed"] or 0)}
+        labels["share"] = float(name["share"] or 1)
+        found.append(frame.read(path.parents[1], TABLE).assign(**labels))
+    return pd.concat(found, ignore_index=True)
+
+
+def psnr_db(views, method, test_set):
+    """{seed: PSNR in dB by view} of a (method, round) on a test set."""
+    own = views[(views["method"] == method[0]) & (views["round"] == method[1])]
+    own = own[own["test_set"] == test_set]
+    return {
+        seed: one.set_index("view")["psnr_db"].sort_index()
+        for seed, one in own.groupby("seed")
+    }
+
+
+def gain(views, one, other, test_set, prefix):
+    """Mean gain and its interval, paired by view, of the seeds that both have."""
+    ours, theirs = (psnr_db(views, method, test_set) for method in (one, other))
+    both = sorted(ours.keys() & theirs.keys())
+    gains = [(ours[seed] - theirs[seed]).dropna().to_numpy() for seed in both]
+    if not any(len(own) for own in gains):
+        return {}, 0
+    return scores.pooled_mean_and_interval(gains, prefix), len(both)
+
+
+def budget_of(views, args):
+    """Rows of a scene: each length, each method."""
+    truth = next(t for t in TRUTHS if t in set(views["test_set"]))
+    plain = next(name for name in PLAIN if name in set(views["method"]))
+    base = views[(views["method"] == plain) & (views["round"] == 0)]
+    for share, own in views.groupby("share"):
+        for method in own[frame.ROW].drop_duplicates().itertuples(index=False):
+            mine = own[(own["method"] == method[0]) & (own["round"] == method[1])]
+            scene = mine["scene"].iloc[0]
+            row = {
+                "scene": SCENES.get(scene, scene),
+                "steps": round(share * args.steps),
+            }
+            row |= {"method": NAMES.get(tuple(method), method[0]), "test_set": truth}
+            row["seconds"] = mine.drop_duplicates("seed")["total_time_s"].mean()
+            means = [s.mean() for s in psnr_db(own, method, truth).values()]
+            row["psnr_db"] = np.mean(means)
+            row |= {"seeds": len(means)}
+            if method != (plain, 0):
+                for name, test_set in (("steps", truth), ("warped", "warped")):
+                    found, _ = gain(own, method, (plain, 0), test_set, f"{name}_")
+                    row |= found
+                row |= at_equal_time(mine, base, truth)
+            yield row
+
+
+def at_equal_time(mine, base, truth):
+    """The gain over plain training of as many seconds, where that is known."""
+    gains = []
+    for seed, own in mine.groupby("seed"):
+        theirs = base[base["seed"] == seed]
+        at = remedies.at_time(theirs, own["total_time_s"].iloc[0], truth)
+        own = own[own["test_set"] == truth].set_index("view")["psnr_db"].sort_index()
+        if len(at) == len(own) and not np.isnan(at).any():
+            gains.append(own.to_numpy() - at)
+    return scores.pooled_mean_and_interval(gains, "seconds_") if gains else {}
+
+
+def row_of(effect, paper, views):
+    """An effect as a row: the paper's figure, ours on the same test set, by truth."""
+    table, group, one, other = effect.paper
+    row = {"table": table, "effect": effect.what}
+    lines = paper[(paper["table"] == table) & (paper["group"] == group)]
+    lines = lines[lines["test_set"] == "warped"].set_index(["method", "warping"])
+    row["paper_db"] = lines.loc[one, "psnr_db"] - lines.loc[other, "psnr_db"]
+    scene, share, one, other = effect.ours
+    own = views[(views["scene"] == scene) & (views["share"] == share)]
+    for name, test_set in (("warped", "warped"), ("oracle", "oracle")):
+        found, seeds = gain(own, one, other, test_set, f"{name}_")
+        row |= found
+        row["seeds"] = max(seeds, row.get("seeds", 0))
+    row["word"] = word_of(row)
+    return row
+
+
+def word_of(row):
+    """How an effect of the paper shows here, at another size and on other scenes."""
+    if "warped_db" not in row:
+        return "not run"
+    low, high = (row[f"warped_{end}_db"] for end in ("low", "high"))
+    if low > 0 or high < 0:
+        same = (low > 0) == (row["paper_db"] > 0)
+        return "reproduced in kind" if same else "not reproduced: the opposite"
+    return "not reproduced"
+
+
+if __name__ == "__main__":
+    main()
