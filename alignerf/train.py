@@ -136,8 +136,8 @@ def check_inputs(job, loaded: prepared.Scene, chosen, photos):
         side_px = job.alignerf.patch_px * job.alignerf.dilation
         if side_px > smallest:
             raise ValueError(
-                f"config.alignerf.patch_px: {side_px} px do not fit photos of "
-                f"{loaded.width}x{loaded.height}"
+                f"config.alignerf.patch_px: {side_px} px with dilation do not fit "
+                f"photos of {loaded.width}x{loaded.height}"
             )
     prepared.check_images(loaded, chosen, photos)
 

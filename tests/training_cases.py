@@ -70,7 +70,7 @@ def baseline(batch_rays=96, loss_weights=WEIGHTS):
     )
 
 
-def alignerf(**options):
+def alignerf(outputs=6, **options):
     settings = {
         "patches": 2,
         "patch_px": 12,
@@ -78,7 +78,7 @@ def alignerf(**options):
         "loss": make_loss(),
         "loss_weights": WEIGHTS,
     }
-    return methods.alignerf(tiny_model(outputs=6), **settings | options)
+    return methods.alignerf(tiny_model(outputs=outputs), **settings | options)
 
 
 def make_loss(**options):

@@ -40,6 +40,7 @@ def checked(config, files=()):
     check_given(config)
     config = left_keys.leave_open(config)
     config = filled.completed(schema.filled(config_keys.Config, config))
+    del config["small"], config["full_size"]
     for name, model in config["models"].items():
         models.check_model(model, "models", name)
     for name in config["methods"]:
@@ -59,7 +60,7 @@ def checked(config, files=()):
 
 
 def sized(config):
-    """The config in the size that it asks for; ValueError for a fault of the other."""
+    """The config in the size that it asks for; ValueError for keys of the other."""
     full_size = config.get("full_size")
     small = config_keys.Config.model_validate(config).small
     own = {key: v for key, v in config.items() if key not in ("small", "full_size")}
@@ -70,8 +71,15 @@ def sized(config):
     if sizes := {"small", "full_size"} & full_size.keys():
         fault(f"full_size.{min(sizes)}", "is of the config itself")
     full = own | full_size
-    names.check_names(full)
-    schema.check(config_keys.Config, full)
+    try:
+        names.check_names(full)
+        schema.check(config_keys.Config, full)
+    except ValueError as error:
+        # Without it the config is right.
+        text = str(error).replace("config: top level", "config: full_size", 1)
+        if text == str(error):
+            text = text.replace("config: ", "config: full_size.", 1)
+        raise ValueError(text) from None
     return own if small else full
 
 

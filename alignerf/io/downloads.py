@@ -1,17 +1,21 @@
 """Published files, fetched by HTTPS and checked; a stopped download goes on."""
 
+import contextlib
 import hashlib
 import http.client
+import ssl
 import urllib.error
 import urllib.request
 from pathlib import Path
 from typing import NamedTuple
 
-from alignerf.io import faults, progress
+from alignerf.io import atomic, faults, progress
 
 BLOCK_BYTES = 1 << 20
 TIMEOUT_S = 60
-PARTIAL, WHOLE = 206, 416
+PARTIAL = 206
+# Errors of the system that are the connection's, and not the disk's.
+OF_THE_NET = (urllib.error.URLError, ssl.SSLError, ConnectionError, TimeoutError)
 
 
 class Published(NamedTuple):
@@ -52,20 +56,37 @@ def fetch(published, folder):
     """
     path = Path(folder) / published.name
     done = path.stat().st_size if path.exists() else 0
+    if done and done >= published.size:
+        return path
     try:
         with opened(published.url, done) as answer:
-            if answer.status != PARTIAL:
-                done = 0
-            # A block more than there should be is enough to know.
-            left = range(1 + (published.size - done) // BLOCK_BYTES)
-            with open(path, "ab" if done else "wb") as file:
-                for _ in progress.over(left, path.name, unit="MB"):
-                    file.write(answer.read(BLOCK_BYTES))
-    except (OSError, http.client.HTTPException) as error:
-        if getattr(error, "code", None) == WHOLE:
-            return path
+            done = done if answer.status == PARTIAL else 0
+            done = write(answer, path, done, published)
+    except (*OF_THE_NET, http.client.HTTPException) as error:
         raise ValueError(f"{published.url}: {error}") from None
+    if done < published.size:
+        came = f"{done} of {published.size} bytes came"
+        raise ValueError(f"{published.url}: {came}")
     return path
+
+
+def write(answer, path, done, published):
+    """Write what an answer holds behind the `done` bytes of a file; returns its size.
+
+    A block more than there should be is enough to know.
+    """
+    blocks = -(-published.size // BLOCK_BYTES)
+    shown = progress.Progress(path.name, blocks, done=done // BLOCK_BYTES, unit="MB")
+    with (
+        contextlib.closing(shown),
+        atomic.naming(path),
+        open(path, "ab" if done else "wb") as file,
+    ):
+        while done <= published.size and (block := answer.read(BLOCK_BYTES)):
+            file.write(block)
+            done += len(block)
+            shown.advance()
+    return done
 
 
 def opened(url, done):

@@ -3,6 +3,7 @@
 Methods of a model share the pre-training. Between the stages cameras may be corrected.
 """
 
+import json
 from typing import ClassVar, Literal
 
 import pydantic
@@ -28,7 +29,7 @@ class AligNeRF(Keys):
     )
     learning_rates: list[float] = learning_rates(0.003, 0.0003)
     patches: int = key(4, "patches a step", least=1, most=4096)
-    patch_px: int = key(16, "rays along a side of a patch", least=8, most=512)
+    patch_px: int = key(16, "side of a patch, in rays", least=8, most=512)
     dilation: int = key(
         1,
         "1: a patch's rays are neighbours, as in the paper; else each is drawn from a "
@@ -73,13 +74,14 @@ class AligNeRF(Keys):
     )
 
     @pydantic.model_validator(mode="after")
-    def check_radius(self):
+    def check_together(self):
         if self.matching == "pixel" and self.radius_px == 0:
             raise ValueError("radius_px: matching pixel needs 1 or more")
         if self.dilation > 1:
             for name, value in DENSE.items():
                 if getattr(self, name) != value:
-                    raise ValueError(f"{name}: dilation above 1 needs {value}".lower())
+                    said = f"{name}: dilation above 1 needs {json.dumps(value)}"
+                    raise ValueError(said)
         return self
 
 
@@ -153,9 +155,9 @@ class Staged(base.Method):
         if method["changes"] == "cameras_then_photos":
             fault(f"{where}.changes", "a staged training has no round to warp photos")
         if settings["radius_px"] == "auto":
-            if self.moves(method, None):
+            if methods.moves(method):
                 what = "radius_px auto is measured before cameras are corrected"
-                fault(f"{where}.changes", what)
+                fault(f"{where}.{'adjust' if method['adjust'] else 'changes'}", what)
             if not methods.has_scratch(config["methods"].values(), model):
                 what = f"auto needs a method of model {model!r} without alignerf"
                 fault(f"{where}.alignerf.radius_px", what)

@@ -1,13 +1,13 @@
-"""mip-NeRF 360's scenes, fetched: `python -m alignerf.scenes.download FOLDER`.
+"""A scene of mip-NeRF 360, fetched: `python -m alignerf.scenes.download 360_v2/garden`.
 
-FOLDER is called 360_v2: each scene becomes a folder in it. The archives are fetched
-beside the scenes (17 GB; 35 GB while they are unpacked) and are gone afterwards. A
-stopped download goes on, a scene that is there is left alone. An archive that lies in
-FOLDER already, fetched by other means, is taken.
+Its archive is fetched beside the scene's folder (12 or 4 GB), is taken where it lies
+there already, and is gone once all its scenes are there. A stopped download goes on.
 """
 
 import argparse
+import os
 import zipfile
+import zlib
 from pathlib import Path, PurePosixPath
 
 from alignerf.experiment.checks import fetched
@@ -29,41 +29,44 @@ LICENCE = (
     "mip-NeRF 360's photos (Barron et al., CVPR 2022): no licence is published with "
     "them; https://jonbarron.info/mipnerf360 says whom to ask"
 )
+# What decoders raise of a damaged archive.
+DAMAGED = (zipfile.BadZipFile, zlib.error, EOFError, NotImplementedError, RuntimeError)
 
 
 def main(argv=None):
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("folder", type=Path, metavar="FOLDER")
-    folder = parser.parse_args(argv).folder
-    print(LICENCE, flush=True)
+    parser.add_argument("scene", type=Path, metavar="360_v2/NAME")
+    scene = parser.parse_args(argv).scene
+    found = [one for one in ARCHIVES if scene.name in fetched.ARCHIVES[one.name]]
+    if not found:
+        raise ValueError(f"{scene}: {scene.name} is no scene of mip-NeRF 360")
+    if not os.path.lexists(scene):
+        print(LICENCE, flush=True)
+        bring(scene, *found)
+
+
+def bring(scene, published):
+    """Fetch the archive of a scene and unpack it."""
+    folder = scene.parent
     folder.mkdir(parents=True, exist_ok=True)
-    for published in ARCHIVES:
-        names = fetched.ARCHIVES[published.name]
-        missing = [name for name in names if not (folder / name).exists()]
-        if missing:
-            bring(published, missing, folder)
-
-
-def bring(published, names, folder):
-    """Fetch an archive and unpack these scenes of it."""
     path = folder / published.name
     try:
         downloads.fetch(published, folder)
     except ValueError as error:
-        if not (path.exists() and path.stat().st_size == published.size):
-            raise ValueError(
-                f"{error}: fetch it by other means and put it to {path}, or its scenes "
-                f"to {folder / names[0]} and so on"
-            ) from None
+        raise ValueError(
+            f"{error}: the same command goes on from there; or fetch it by other means "
+            f"and put it to {path}, or the scene to {scene}"
+        ) from None
     try:
         downloads.check(path, published)
     except ValueError as error:
         raise ValueError(f"{error}: delete it, and run this again") from None
-    for name in names:
-        with atomic.scratch_folder(folder) as scratch:
-            unpack(path, name, scratch)
-            (scratch / name).rename(folder / name)
-    path.unlink()
+    with atomic.scratch_folder(folder) as scratch:
+        unpack(path, scene.name, scratch)
+        (scratch / scene.name).rename(scene)
+    others = fetched.ARCHIVES[published.name]
+    if all(os.path.lexists(folder / name) for name in others):
+        path.unlink()
 
 
 def unpack(path, name, folder):
@@ -80,8 +83,8 @@ def unpack(path, name, folder):
             for info in progress.over(inside, f"unpacking {name}", unit="file"):
                 # Which leaves out what would lead out of the folder.
                 archive.extract(info, folder)
-    except zipfile.BadZipFile as error:
-        raise ValueError(f"{path}: {error}: delete it and fetch it again") from None
+    except DAMAGED as error:
+        raise ValueError(f"{path}: {error}: delete it, and run this again") from None
 
 
 if __name__ == "__main__":

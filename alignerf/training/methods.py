@@ -167,7 +167,7 @@ class Loss(NamedTuple):
 def data_loss(rgb, photo, exists, loss: Loss):
     """(photo patches for the frequency loss, data loss, numbers to show).
 
-    rgb [n, p, p, 3], photo [n, q, q, 3], exists [n, q, q]. In units of one colour
+    rgb [n, p, p, 3]; photo and exists: `batches.PatchBatch`. In units of one colour
     value: of L_PM (Eq. 4) the squared error summed over the patch and the penalty of
     the offset, both divided by the patch's number of values.
     """

@@ -146,27 +146,53 @@ def test_the_papers_own_size_is_planned_without_its_data(path, tmp_path, dry_run
     options = ("--configfile", path, "--config", "small=false")
     code, output = dry_run(tmp_path, "all", "-n", *options)
     assert code == 0, output
-    names = ("download_360_v2", "download_frequency_weights")
-    assert {name: jobs_of(output).get(name) for name in names} == dict.fromkeys(
-        names, 1 if "360_v2" in path.read_text() else None
-    )
+    own = {
+        Path(s["path"]).name
+        for s in sized(path, False)["scenes"].values()
+        if "path" in s
+    }
+    fetched = {name for name in jobs_of(output) if name.startswith("download")}
+    weights = {f"download_{name}_weights" for name in ("frequency", "lpips_vgg")}
+    wanted = {f"download_360_v2_{name}" for name in own}
+    assert fetched == wanted | (weights if own else set())
     assert not list(tmp_path.glob("360_v2*"))
 
 
+def test_both_sizes_have_results_of_their_own():
+    """Else the small one begins with replacing what took weeks."""
+    for path in IN_TWO_SIZES:
+        both = [sized(path, small) for small in (True, False)]
+        assert not both[0]["scenes"].keys() & both[1]["scenes"].keys(), path
+        assert both[0].get("regimes", "a") != both[1].get("regimes", "b"), path
+
+
 def test_photos_that_are_there_are_no_rules_output(tmp_path, root, dry_run):
-    """Else `--forceall` deleted them."""
-    for name in ("bicycle", "flowers"):
-        (tmp_path / "360_v2" / name).mkdir(parents=True)
+    """Else `--forceall` and `--delete-all-output` deleted them, or a broken link."""
+    (tmp_path / "360_v2" / "bicycle").mkdir(parents=True)
+    (tmp_path / "360_v2" / "garden").symlink_to(tmp_path / "unmounted")
     path = root / "workflow/config/table4.yaml"
     options = ("--configfile", path, "--config", "small=false")
     code, output = dry_run(tmp_path, "all", "-n", "--forceall", *options)
     assert code == 0, output
-    assert "download_360_v2" not in jobs_of(output)
+    assert "download_360_v2_bicycle" not in jobs_of(output)
     code, output = dry_run(tmp_path, "download_360_v2", "-n", *options)
-    assert made(output, "360_v2/bicycle", "360_v2/treehill") == {
-        "360_v2/bicycle": 0,
-        "360_v2/treehill": 1,
-    }
+    names = ("360_v2/bicycle", "360_v2/garden", "360_v2/treehill")
+    assert list(made(output, *names).values()) == [0, 0, 1]
+
+
+def test_a_stopped_download_keeps_what_is_there(tmp_path, snakemake):
+    """Of a failing job Snakemake deletes the outputs: of that scene, and no other's."""
+    (tmp_path / "360_v2" / "flowers").mkdir(parents=True)
+    part = tmp_path / "360_v2" / "360_extra_scenes.zip"
+    part.write_bytes(b"PK")
+    more = {"https_proxy": "http://127.0.0.1:9"}
+    code, output = snakemake(tmp_path, "download_360_v2", "--cores", "1", more=more)
+    assert code == 1
+    assert re.search(
+        r"^error: https://.*360_v2/\w+\.zip, or the scene to", output, re.M
+    )
+    assert (tmp_path / "360_v2" / "flowers").is_dir()
+    assert part.read_bytes() == b"PK"
 
 
 @pytest.mark.parametrize(("number", "trainings"), [(2, 10 * 4), (3, 5 * 7)])

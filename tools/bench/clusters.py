@@ -57,7 +57,7 @@ def trainings_of(table):
     found = {}
     for scene in experiment.scenes:
         for one in experiment.trainings(scene).values():
-            values = json.loads(one.job)
+            values = json.loads(one.job.text)
             job, name = jobs.parse(values), one.folder.removesuffix("/round0")
             rays = job.steps * job.rays_per_step
             if job.stage != "pretrain":

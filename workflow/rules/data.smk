@@ -1,16 +1,31 @@
 # Photos of the paper's scenes, and weights, where they are not there: what a user has put
-# there is no rule's output, and so is never deleted or fetched again.
+# there is no rule's output, and so is never deleted or fetched again. Each scene is a job
+# of its own, since a failing job loses its outputs; one at a time, since they share an
+# archive. On a cluster where Snakemake runs: nodes may have no network.
+missing_scenes = check.or_exit(fetched.scenes)
+
+
 rule download_360_v2:
-    output:
-        [directory(local(path)) for path in fetched.scenes()],
-    log:
-        "results/logs/download_360_v2.log",
-    conda:
-        "../../environment.yml"
-    params:
-        folder=lambda w: fetched.folder(),
-    shell:
-        "python -m alignerf.scenes.download {params.folder:q} 2>&1 | tee {log:q}"
+    localrule: True
+    input:
+        local(missing_scenes),
+
+
+for scene_path in missing_scenes:
+
+    rule:
+        name:
+            f"download_360_v2_{scene_path.rpartition('/')[2]}"
+        localrule: True
+        output:
+            directory(local(scene_path)),
+        log:
+            f"results/logs/download_360_v2/{scene_path.rpartition('/')[2]}.log",
+        conda:
+            "../../environment.yml"
+        threads: workflow.cores or 1
+        shell:
+            "python -m alignerf.scenes.download {output:q} 2>&1 | tee {log:q}"
 
 
 for weights_path, network in fetched.weights().items():
@@ -18,6 +33,7 @@ for weights_path, network in fetched.weights().items():
     rule:
         name:
             f"download_{network}_weights"
+        localrule: True
         output:
             local(weights_path),
         log:

@@ -1,8 +1,8 @@
 """What a config may name before it is there, since a rule fetches it."""
 
-from pathlib import Path
+import os
 
-from alignerf.experiment.checks.common import home, is_there
+from alignerf.experiment.checks.common import fault, home
 
 # mip-NeRF 360's archives and the scenes in them.
 ARCHIVES = {
@@ -17,21 +17,18 @@ WEIGHTS = {"weights/vgg19.npz": "frequency"} | {
 }
 
 
-def folder():
-    """Folder of mip-NeRF 360's scenes: 360_v2, below that of real data."""
-    return home("${ALIGNERF_DATA:-.}/360_v2")
-
-
 def scenes():
-    """Paths of the scenes in it that are not there."""
+    """Paths of mip-NeRF 360's scenes that are not there; a broken link is."""
+    folder = home("${ALIGNERF_DATA:-.}/360_v2")
+    if set(folder) & set("{}"):
+        fault("ALIGNERF_DATA", f"{folder}: braces mean wildcards, rename it")
     names = sorted(name for inside in ARCHIVES.values() for name in inside)
-    paths = (str(Path(folder()) / name) for name in names)
-    return [path for path in paths if not is_there(path)]
+    return [p for name in names if not os.path.lexists(p := f"{folder}/{name}")]
 
 
 def weights():
     """{path: what} of the weights that are not there."""
-    return {path: what for path, what in WEIGHTS.items() if not is_there(path)}
+    return {p: what for p, what in WEIGHTS.items() if not os.path.lexists(p)}
 
 
 def by_rule(path):

@@ -105,6 +105,16 @@ def edit(config, where, value):
             "methods.moved.changes: radius_px auto is measured before",
         ),
         (
+            "methods.moved",
+            {"model": "base", "adjust": True, "alignerf": {"radius_px": "auto"}},
+            "methods.moved.adjust: radius_px auto is measured before",
+        ),
+        ("small", False, "small: false needs full_size"),
+        ("full_size", {"sed": 1}, "full_size: 'sed' is no key .*'seed'"),
+        ("full_size", {"training": {"step": 1}}, "full_size.training: 'step' is no"),
+        ("full_size", {"small": True}, "full_size.small: is of the config itself"),
+        ("full_size", {"scenes": {3: {}}}, "full_size.scenes.3: a name must be text"),
+        (
             "methods.joint",
             {"model": "base", "pose_optimization": {"coarse_to_fine": [0.5, 0.1]}},
             "methods.joint.pose_optimization.coarse_to_fine: two shares, first < last",

@@ -45,6 +45,18 @@ def test_configs_that_share_results_agree_on_them(root):
     assert 1 not in {scene["seed"] for scene in ablation["scenes"].values()}
 
 
+def test_adjusted_cameras_have_a_pretraining_of_their_own(demo, experiment_of):
+    demo["methods"]["both"] = {"model": "base", "adjust": True, "alignerf": {}}
+    experiment = experiment_of(demo)
+    plain, both = (experiment.at("courtyard", n, 0) for n in ("alignerf", "both"))
+    adjusted = "results/courtyard/images/adjusted/train.npz"
+    assert {one.cameras for one in (both, *both.after)} == {adjusted}
+    assert [one.folder for one in both.after] == ["pretrain/base.adjusted"]
+    assert plain.after[0].folder == "pretrain/base"
+    assert adjusted not in {one.cameras for one in (plain, *plain.after)}
+    assert both.job == plain.job
+
+
 def test_ablations_share_the_pretraining(demo, experiment_of):
     ablation = {
         "finetune_fraction": 0.1,

@@ -1,10 +1,13 @@
 """mip-NeRF 360's scenes: fetched on from where it stopped, checked, unpacked."""
 
+import contextlib
+import errno
 import hashlib
 import http.server
 import io
 import threading
 import zipfile
+from unittest import mock
 
 import pytest
 
@@ -13,10 +16,10 @@ from alignerf.io import downloads
 from alignerf.scenes import download
 
 
-def archive_of(files):
+def archive_of(files, kind):
     """Bytes of a ZIP with these files."""
     made = io.BytesIO()
-    with zipfile.ZipFile(made, "w") as archive:
+    with zipfile.ZipFile(made, "w", kind) as archive:
         for name, content in files.items():
             archive.writestr(name, content)
     return made.getvalue()
@@ -38,7 +41,7 @@ def bucket(monkeypatch):
                 return
             self.send_response(206 if wanted else 200)
             self.end_headers()
-            self.wfile.write(content[first:])
+            self.wfile.write(content[first:][: self.server.most])
 
         def log_message(self, *_):
             pass
@@ -47,8 +50,8 @@ def bucket(monkeypatch):
     with http.server.ThreadingHTTPServer(("127.0.0.1", 0), Handler) as server:
         threading.Thread(target=server.serve_forever, daemon=True).start()
 
-        def serve(files, **change):
-            server.content = archive_of(files)
+        def serve(files, kind=zipfile.ZIP_STORED, most=None, **change):
+            server.content, server.most = archive_of(files, kind), most
             published = downloads.Published(
                 f"http://127.0.0.1:{server.server_port}/360_v2.zip",
                 len(server.content),
@@ -67,7 +70,7 @@ def test_scenes_are_fetched_and_the_archive_goes(bucket, tmp_path, capsys):
     files = {"bicycle/images_4/a.JPG": b"photo", "bicycle/sparse/0/cameras.bin": b"c"}
     bucket(files | {"flowers.txt": b"not yet"})
     out = tmp_path / "360_v2"
-    download.main([str(out)])
+    download.main([str(out / "bicycle")])
     found = {str(p.relative_to(out)): p.read_bytes() for p in out.rglob("*.*")}
     assert found == files
     assert "no licence is published" in capsys.readouterr().out
@@ -76,7 +79,7 @@ def test_scenes_are_fetched_and_the_archive_goes(bucket, tmp_path, capsys):
 def test_a_stopped_download_goes_on(bucket, tmp_path):
     content, asked = bucket({"bicycle/a": bytes(range(256)) * 99})
     (tmp_path / "360_v2.zip").write_bytes(content[:1000])
-    download.main([str(tmp_path)])
+    download.main([str(tmp_path / "bicycle")])
     assert asked == ["bytes=1000-"]
     assert (tmp_path / "bicycle/a").read_bytes() == bytes(range(256)) * 99
 
@@ -84,7 +87,7 @@ def test_a_stopped_download_goes_on(bucket, tmp_path):
 def test_what_is_there_is_left_alone(bucket, tmp_path):
     _, asked = bucket({"bicycle/a": b"theirs"})
     (tmp_path / "bicycle").mkdir()
-    download.main([str(tmp_path)])
+    download.main([str(tmp_path / "bicycle")])
     assert asked == []
     assert not list((tmp_path / "bicycle").iterdir())
 
@@ -93,10 +96,10 @@ def test_an_archive_by_other_means_is_taken(bucket, tmp_path, monkeypatch):
     content, _ = bucket({"bicycle/a": b"a"})
     nowhere = download.ARCHIVES[0]._replace(url="http://127.0.0.1:9/360_v2.zip")
     monkeypatch.setattr(download, "ARCHIVES", [nowhere])
-    with pytest.raises(ValueError, match=r"put it to .*360_v2\.zip, or its scenes"):
-        download.main([str(tmp_path)])
+    with pytest.raises(ValueError, match=r"put it to .*360_v2\.zip, or the scene"):
+        download.main([str(tmp_path / "bicycle")])
     (tmp_path / "360_v2.zip").write_bytes(content)
-    download.main([str(tmp_path)])
+    download.main([str(tmp_path / "bicycle")])
     assert (tmp_path / "bicycle/a").read_bytes() == b"a"
 
 
@@ -111,25 +114,59 @@ def test_a_wrong_archive_makes_nothing(bucket, tmp_path, files, change, reason):
     bucket(files, **change)
     out = tmp_path / "360_v2"
     with pytest.raises(ValueError, match=reason):
-        download.main([str(out)])
+        download.main([str(out / "bicycle")])
     assert [path.name for path in tmp_path.rglob("*")] == ["360_v2", "360_v2.zip"]
 
 
 def test_nothing_is_unpacked_outside(bucket, tmp_path):
     bucket({"bicycle/../../../a": b"a", "/bicycle/b": b"b", "../bicycle/c": b"c"})
     out = tmp_path / "in" / "360_v2"
-    download.main([str(out)])
+    download.main([str(out / "bicycle")])
     found = [str(p.relative_to(tmp_path)) for p in tmp_path.rglob("*") if p.is_file()]
     assert found == ["in/360_v2/bicycle/a"]
 
 
-def test_a_damaged_photo_is_named(bucket, tmp_path):
-    content, _ = bucket({"bicycle/a": b"whole photo"}, hash=None)
-    damaged = content.replace(b"whole photo", b"whole ph0to", 1)
+@pytest.mark.parametrize("kind", [zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED])
+def test_a_damaged_archive_is_named(bucket, tmp_path, kind):
+    content, _ = bucket({"bicycle/a": bytes(1000) + b"whole photo"}, kind, hash=None)
+    damaged = bytearray(content)
+    damaged[45] ^= 255
     (tmp_path / "360_v2.zip").write_bytes(damaged)
-    with pytest.raises(ValueError, match=r"Bad CRC-32 .*: delete it"):
-        download.main([str(tmp_path)])
+    with pytest.raises(ValueError, match=r"360_v2\.zip: .*: delete it, and run"):
+        download.main([str(tmp_path / "bicycle")])
     assert not (tmp_path / "bicycle").exists()
+
+
+def test_a_dropped_connection_goes_on_the_next_time(bucket, tmp_path):
+    content, asked = bucket({"bicycle/a": bytes(5000)}, most=2000)
+    with pytest.raises(ValueError, match=r"2000 of \d+ bytes came: the same command"):
+        download.main([str(tmp_path / "bicycle")])
+    while not (tmp_path / "bicycle").exists():
+        with contextlib.suppress(ValueError):
+            download.main([str(tmp_path / "bicycle")])
+    assert asked[:3] == [None, "bytes=2000-", "bytes=4000-"]
+    # A whole one is not asked for again.
+    (tmp_path / "360_v2.zip").write_bytes(content)
+    download.main([str(tmp_path / "bicycle")])
+    assert len(asked) == 3
+
+
+def test_a_full_disk_is_not_the_servers_fault(bucket, tmp_path, monkeypatch):
+    bucket({"bicycle/a": b"a"})
+    full = OSError(errno.ENOSPC, "No space left on device")
+    monkeypatch.setattr("builtins.open", mock.Mock(side_effect=full))
+    with pytest.raises(OSError, match=r"No space left .*360_v2\.zip"):
+        download.main([str(tmp_path / "bicycle")])
+
+
+def test_the_archive_stays_for_scenes_that_are_missing(bucket, tmp_path, monkeypatch):
+    bucket({"bicycle/a": b"a", "garden/a": b"a"})
+    monkeypatch.setitem(fetched.ARCHIVES, "360_v2.zip", ("bicycle", "garden"))
+    for name, left in (("bicycle", True), ("garden", False)):
+        download.main([str(tmp_path / name)])
+        assert (tmp_path / "360_v2.zip").exists() == left
+    with pytest.raises(ValueError, match="oak is no scene of mip-NeRF 360"):
+        download.main([str(tmp_path / "oak")])
 
 
 def test_the_papers_five_scenes_are_among_them():

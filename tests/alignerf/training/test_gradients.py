@@ -15,11 +15,20 @@ from alignerf.training import gradients
 from tests import training_cases as cases
 
 
-@pytest.mark.parametrize("kind", ["mipnerf360", "alignerf"])
+@pytest.mark.parametrize("kind", ["mipnerf360", "alignerf", "dilated"])
 def test_micro_batches_give_the_gradient_of_the_batch(kind):
     """With masks that differ from part to part, and one part that is all masked."""
-    make = {"mipnerf360": cases.baseline, "alignerf": cases.alignerf}[kind]
-    method = make(**({"patches": 4} if kind == "alignerf" else {}))
+    if kind == "mipnerf360":
+        method = cases.baseline()
+    else:
+        dense = {"frequency_features": None} if kind == "dilated" else {}
+        method = cases.alignerf(
+            patches=4,
+            dilation=3 if kind == "dilated" else 1,
+            convolution=kind == "alignerf",
+            loss=cases.make_loss(**dense),
+            **({"outputs": 3} if kind == "dilated" else {}),
+        )
     params = jax.jit(method.init)(jax.random.key(0))
     batch = jax.jit(method.draw)(jax.random.key(1), 0, cases.make_views())
     if kind == "mipnerf360":
