@@ -8,6 +8,7 @@
 #   snakemake --cores N remedies           what to do with T minutes
 #   snakemake --cores N comparison         all systems on all scenes: Tables 2 and 3
 #   snakemake --cores N export             cameras and photos for other programs
+#   snakemake --cores N download_360_v2    the paper's scenes: 17 GB into 360_v2/
 #   snakemake --cores N --configfile workflow/config/own_photos.yaml
 # A target stands before --configfile, which takes all words that follow:
 #   snakemake --cores N export --configfile workflow/config/own_photos.yaml

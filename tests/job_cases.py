@@ -28,7 +28,6 @@ ALIGNERF = {
     "patch_px": 12,
     "convolution": True,
     "features": 4,
-    "matching": "patch",
     "error": "squared",
     "radius_px": 2,
     "align_penalty": 0.01,

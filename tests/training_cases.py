@@ -83,7 +83,6 @@ def alignerf(outputs=6, **options):
 
 def make_loss(**options):
     settings = {
-        "matching": "patch",
         "error": "squared",
         "radius_px": 3,
         "align_penalty": 0.01,

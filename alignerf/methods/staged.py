@@ -15,7 +15,7 @@ from alignerf.experiment.keys.key import Keys, key, learning_rates
 from alignerf.methods import base
 
 # What needs rays that are neighbours is left out of dilated patches.
-DENSE = {"convolution": False, "frequency_weight": 0, "matching": "patch"}
+DENSE = {"convolution": False, "frequency_weight": 0}
 
 
 class AligNeRF(Keys):
@@ -42,11 +42,6 @@ class AligNeRF(Keys):
         True, "contribution 1, patch convolution; false shows the model's colours"
     )
     features: int = key(16, "N of the patch convolution", least=3, most=1024)
-    matching: Literal["patch", "pixel"] = key(
-        "patch",
-        "contribution 2, what moves over the photo: a whole patch (Eq. 4), or every "
-        "pixel on its own (contextual loss, which the paper compares with)",
-    )
     error: Literal["squared", "charbonnier"] = key(
         "squared",
         "of the render and what it was matched with: squared (as printed), or "
@@ -61,8 +56,8 @@ class AligNeRF(Keys):
     )
     align_penalty: float = key(
         0.01,
-        "weight of the offset's length in px: lambda of Eq. 4 against the error summed "
-        "over a patch; of a pixel against its mean squared error",
+        "lambda of Eq. 4: weight of the offset's length in px against the error summed "
+        "over a patch",
         least=0,
         most=1e6,
     )
@@ -75,8 +70,6 @@ class AligNeRF(Keys):
 
     @pydantic.model_validator(mode="after")
     def check_together(self):
-        if self.matching == "pixel" and self.radius_px == 0:
-            raise ValueError("radius_px: matching pixel needs 1 or more")
         if self.dilation > 1:
             for name, value in DENSE.items():
                 if getattr(self, name) != value:
@@ -217,8 +210,7 @@ class Staged(base.Method):
         if settings["convolution"]:
             parts.append(f"{settings['features']} features")
         if settings["radius_px"] != 0:
-            matched = settings["matching"] == "patch"
-            parts.append("aligned" if matched else "contextual")
+            parts.append("aligned")
         if settings["dilation"] > 1:
             parts.append("dilated")
         if settings["error"] != "squared":

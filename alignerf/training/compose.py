@@ -61,7 +61,6 @@ def without_cameras(job: jobs.Job, *, to_train, learning=False) -> methods.Metho
 def make_loss(chosen: staged.Finetuning, *, to_train) -> methods.Loss:
     """The loss of fine-tuning; without a radius yet (see `train`), one of 0."""
     return methods.Loss(
-        matching=chosen.matching,
         error=chosen.error,
         radius_px=chosen.radius_px or 0,
         align_penalty=chosen.align_penalty,

@@ -16,7 +16,6 @@ import jax.numpy as jnp
 
 from alignerf.contributions import (
     align_loss,
-    contextual_loss,
     frequency_loss,
     patch_conv,
 )
@@ -150,13 +149,11 @@ def passed(share, first, last):
 class Loss(NamedTuple):
     """How a rendered patch is compared with the photo around it.
 
-    matching: `patch` moves the photo by one offset a patch (Eq. 4), `pixel` by one a
-    pixel (contextual). error: `squared` (as printed) or `charbonnier` (the
-    baseline's), of the render and what it was matched with. A patch with a radius of 0
-    is compared where its rays are.
+    error: `squared` (as printed) or `charbonnier` (the baseline's), of the render and
+    the photo patch that fits it best (Eq. 4). A patch with a radius of 0 is compared
+    where its rays are.
     """
 
-    matching: str
     error: str
     radius_px: int
     align_penalty: float
@@ -171,8 +168,8 @@ def data_loss(rgb, photo, exists, loss: Loss):
     value: of L_PM (Eq. 4) the squared error summed over the patch and the penalty of
     the offset, both divided by the patch's number of values.
     """
-    match = {"patch": match_patches, "pixel": match_pixels}[loss.matching]
-    patch, squared, length_px = match(rgb, photo, exists, loss.align_penalty)
+    penalty = loss.align_penalty
+    patch, squared, length_px = match_patches(rgb, photo, exists, penalty)
     shown = {"mse": jnp.mean((patch - rgb) ** 2), "offset_px": jnp.mean(length_px)}
     if loss.error == "squared":
         return patch, squared, shown
@@ -190,18 +187,6 @@ def match_patches(rgb, photo, exists, penalty):
     squared = jax.vmap(align_loss.squared_errors)(rgb, match.patch)[:, 0, 0]
     squared = squared * match.scale
     return match.patch, jnp.mean(squared + penalty * length_px) / rgb[0].size, length_px
-
-
-def match_pixels(rgb, photo, exists, penalty):
-    """One offset a pixel: (patches, contextual loss, lengths in px).
-
-    The penalty has Eq. 4's value, where it weighs against a sum over the patch. Here
-    it weighs against the mean of a pixel.
-    """
-    match = functools.partial(contextual_loss.match, spatial_weight=penalty)
-    matches = jax.vmap(match)(rgb, photo, exists)
-    length_px = jnp.sqrt(jnp.sum(matches.offset_px.astype(jnp.float32) ** 2, axis=-1))
-    return matches.patch, jnp.mean(matches.loss) / rgb.shape[-1], length_px
 
 
 @functools.cache

@@ -19,6 +19,7 @@ from typing import NamedTuple
 import numpy as np
 import pandas as pd
 
+from alignerf.io import faults
 from alignerf.tables import frame, scores
 from alignerf.tables.across import remedies
 
@@ -53,12 +54,12 @@ class Effect(NamedTuple):
     """What a row of the paper gains over another, on its warped test set, and ours.
 
     paper: (table, group, (method, warping), (method, warping)). ours: (scene, share,
-    (method, round), (method, round)); None: not run.
+    (method, round), (method, round)).
     """
 
     what: str
     paper: tuple
-    ours: tuple | None
+    ours: tuple
 
 
 LARGE, SMALL = "mip-NeRF 360, c = 4096", "mip-NeRF 360, c = 1024"
@@ -87,6 +88,14 @@ EFFECTS = (
         "AligNeRF",
         (1, "", ("AligNeRF, c = 1024", "none"), (SMALL, "none")),
         ("table1", 1, ("alignerf", 0), ("mipnerf360", 0)),
+    ),
+    *(
+        Effect(
+            f"AligNeRF, {2 * share},000 steps",
+            (1, "", ("AligNeRF, c = 1024", "none"), (SMALL, "none")),
+            ("budget", share, ("alignerf", 0), ("plain", 0)),
+        )
+        for share in (4, 16)
     ),
     *(
         Effect(
@@ -129,6 +138,8 @@ def main(argv=None):
     parser.add_argument("--effects", type=Path)
     args = parser.parse_args(argv)
     views = read(args.results)
+    if args.budget and not args.scenes:
+        parser.error("--budget needs --scenes")
     if args.budget:
         scenes = [views[views["scene"] == name] for name in args.scenes]
         rows = [row for own in scenes for row in budget_of(own, args)]
@@ -148,6 +159,8 @@ def read(results):
         labels = {"scene": name["scene"], "seed": int(name["seed"] or 0)}
         labels["share"] = float(name["share"] or 1)
         found.append(frame.read(path.parents[1], TABLE).assign(**labels))
+    if not found:
+        raise ValueError(f"{results}: no scene has {TABLE}/trainings.csv")
     return pd.concat(found, ignore_index=True)
 
 
@@ -238,4 +251,4 @@ def word_of(row):
 
 
 if __name__ == "__main__":
-    main()
+    faults.run(main)

@@ -1,5 +1,6 @@
 """The benchmarks run, and their figures mean what they say."""
 
+import argparse
 import csv
 import importlib
 import json
@@ -30,6 +31,7 @@ from tools.bench import (
     ours,
     quality,
     report,
+    reproduction,
     roofline,
     speed,
     theirs,
@@ -289,3 +291,45 @@ def test_finer_trainings_are_the_workflows(method):
     assert trained.own == own[method]
     decided = finer_trainings.job_of(method, 3, 50, 64, "decisions.json")
     assert json.loads(decided)["model"]["decided"]
+
+
+def test_gains_are_of_as_many_steps_and_of_as_many_seconds():
+    """Plain training gains 1 dB with each doubling of its time; the other has 1 dB."""
+    lines = [
+        {"scene": "s", "seed": seed, "share": share, "method": method, "round": 0}
+        | {"view": view, "psnr_db": 20 + seed + view + np.log2(share) + more}
+        | {"test_set": test_set, "total_time_s": 10 * share * times}
+        for seed in (0, 2)
+        for share in (1.0, 4.0)
+        for method, more, times in (("plain", 0, 1), ("other", 1, 2))
+        for test_set in ("oracle", "warped")
+        for view in (0, 1, 2)
+    ]
+    args = argparse.Namespace(steps=2000)
+    rows = list(reproduction.budget_of(pd.DataFrame(lines), args))
+    plain, other, _, long = rows
+    assert (plain["psnr_db"], plain["seconds"], plain["seeds"]) == (22, 10, 2)
+    assert "steps_db" not in plain
+    gains = ("steps_db", "warped_db", "seconds_db")
+    assert [other[name] for name in gains] == pytest.approx([1, 1, 0])
+    # Nobody trained the plain one for 80 s.
+    assert (long["steps"], long["steps_db"]) == (8000, pytest.approx(1))
+    assert "seconds_db" not in long
+
+
+@pytest.mark.parametrize(
+    ("paper_db", "low", "high", "word"),
+    [
+        (0.2, 0.1, 0.3, "reproduced in kind"),
+        (-0.2, -0.3, -0.1, "reproduced in kind"),
+        (0.2, -0.1, 0.3, "not reproduced"),
+        (0.2, -0.3, -0.1, "not reproduced: the opposite"),
+    ],
+)
+def test_an_effect_is_reproduced_where_its_interval_says_so(paper_db, low, high, word):
+    row = {"paper_db": paper_db, "warped_low_db": low, "warped_high_db": high}
+    assert reproduction.word_of(row) == "not run"
+    assert reproduction.word_of(row | {"warped_db": (low + high) / 2}) == word
+    for effect in reproduction.EFFECTS:
+        assert len(effect.paper) == 4
+        assert len(effect.ours) == 4

@@ -14,11 +14,19 @@ fox,200x150,1,5,warped,0.1,0,0.2,,,
 oak,200x150,3,9,plain training,,,,,,
 """
 
+BUDGET = """# commit: none
+scene,method,test_set,seconds,psnr_db
+courtyard,plain training,oracle,20,24.1
+courtyard,plain training,oracle,80,24.9
+courtyard,AligNeRF,oracle,30,24.0
+"""
+
 
 def test_gains_by_size_and_nothing_where_nothing_was_measured(tmp_path, monkeypatch):
     path = tmp_path / "docs/measured/resolution.csv"
     path.parent.mkdir(parents=True)
     path.write_text(MADE)
+    (tmp_path / "docs/measured/budget.csv").write_text(BUDGET)
     (tmp_path / "docs/pictures").mkdir()
     drawn = {}
     monkeypatch.setattr(
@@ -42,4 +50,5 @@ def test_gains_by_size_and_nothing_where_nothing_was_measured(tmp_path, monkeypa
             [[0.1], [0.2]],
         ),
     }
-    assert (tmp_path / "docs/pictures/resolution.png").stat().st_size > 10_000
+    for name in ("resolution", "budget"):
+        assert (tmp_path / f"docs/pictures/{name}.png").stat().st_size > 10_000

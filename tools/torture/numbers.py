@@ -11,7 +11,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from alignerf.contributions import align_loss, contextual_loss, frequency_loss
+from alignerf.contributions import align_loss, frequency_loss
 from alignerf.fields import encoding, grid, mlp, shading, space
 from alignerf.mipnerf360 import coord, losses, render, stepfun
 from alignerf.rays import sampling
@@ -214,12 +214,6 @@ def aligned_twin(rendered, photo):
     return costs.min(axis=(1, 2))
 
 
-def matched(rendered, photo):
-    valid = jnp.ones(photo.shape[1:3])
-    each = lambda r, p: contextual_loss.match(r, p, valid).loss  # noqa: E731
-    return jax.vmap(each)(rendered, photo)
-
-
 def frequencies(rendered, photo):
     features = frequency_loss.bank_features
     each = lambda r, p: frequency_loss.frequency_loss(features, p, r)  # noqa: E731
@@ -361,7 +355,6 @@ FUNCTIONS = {
         patches, jax.vmap(align_loss.squared_errors), costs_twin
     ),
     "align": Function(patches, align_costs, aligned_twin),
-    "contextual_loss": Function(patches, matched),
     "frequency_loss": Function(patches, frequencies),
     "integrated_encoding": Function(
         # Beyond a variance of 160 what is left is e^-80, not nothing.

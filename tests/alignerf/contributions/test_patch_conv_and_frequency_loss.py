@@ -83,7 +83,6 @@ def test_published_size_of_the_contribution():
         "patch_px": 32,
         "convolution": True,
         "features": 128,
-        "matching": "patch",
         "error": "squared",
         "frequency_weights": None,
     }

@@ -52,11 +52,6 @@ def edit(config, where, value):
         ("methods.alignerf.rounds", 1, "methods.alignerf.rounds: not beside alignerf"),
         ("methods.pretrain", {"model": "base", "rounds": 0}, "methods.pretrain: a fo"),
         (
-            "methods.alignerf.alignerf.matching",
-            "ray",
-            "matching: 'ray' should be 'patch' or",
-        ),
-        (
             "methods.alignerf.alignerf.radius_px",
             -1,
             "radius_px: -1 should be greater .* 'auto'",

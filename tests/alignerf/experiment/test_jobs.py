@@ -43,7 +43,6 @@ JOB = {
         "dilation": 1,
         "convolution": True,
         "features": 5,
-        "matching": "patch",
         "error": "squared",
         "radius_px": 2,
         "align_penalty": 0.01,
@@ -185,7 +184,7 @@ def change(job, where, value=None):
             1,
             "alignerf.convolution: 1 should be a valid boolean",
         ),
-        ("alignerf.matching", "ray", "alignerf.matching: 'ray' should be 'patch' or"),
+        ("alignerf.error", "cubed", "alignerf.error: 'cubed' should be 'squared' or"),
         ("alignerf.error", "L1", "alignerf.error: 'L1' should be 'squared' or"),
         ("alignerf.patches", 0, "alignerf.patches: 0 should be greater"),
         ("alignerf.patch_px", 0, "alignerf.patch_px: 0 should be .* equal to 8"),
@@ -240,13 +239,12 @@ def test_a_pre_training_is_a_share_of_the_length(job, share, reason):
         jobs.parse(in_stage(job, "pretrain") | {"pretrain_fraction": share})
 
 
-def test_pixels_are_matched_within_a_radius(job):
+def test_dilated_patches_have_no_part_that_needs_neighbours(job):
     job["alignerf"] |= {"dilation": 2}
     with pytest.raises(ValueError, match="convolution: dilation above 1 needs false"):
         jobs.parse(job)
-    job["alignerf"]["dilation"] = 1
-    job["alignerf"] |= {"matching": "pixel", "radius_px": 0}
-    with pytest.raises(ValueError, match="radius_px: matching pixel needs 1 or more"):
+    job["alignerf"] |= {"convolution": False}
+    with pytest.raises(ValueError, match="frequency_weight: dilation above 1 needs 0"):
         jobs.parse(job)
 
 
