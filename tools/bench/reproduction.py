@@ -240,10 +240,14 @@ def row_of(effect, paper, views):
 
 
 def word_of(row):
-    """How an effect of the paper shows here, at another size and on other scenes."""
-    if "warped_db" not in row:
+    """How an effect of the paper shows here, at another size and on other scenes.
+
+    By the truth where that is known, else by the warped test set.
+    """
+    known = [test_set for test_set in TRUTHS if f"{test_set}_db" in row]
+    if not known:
         return "not run"
-    low, high = (row[f"warped_{end}_db"] for end in ("low", "high"))
+    low, high = (row[f"{known[0]}_{end}_db"] for end in ("low", "high"))
     if low > 0 or high < 0:
         same = (low > 0) == (row["paper_db"] > 0)
         return "reproduced in kind" if same else "not reproduced: the opposite"

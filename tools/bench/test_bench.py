@@ -329,7 +329,11 @@ def test_gains_are_of_as_many_steps_and_of_as_many_seconds():
 def test_an_effect_is_reproduced_where_its_interval_says_so(paper_db, low, high, word):
     row = {"paper_db": paper_db, "warped_low_db": low, "warped_high_db": high}
     assert reproduction.word_of(row) == "not run"
-    assert reproduction.word_of(row | {"warped_db": (low + high) / 2}) == word
+    row |= {"warped_db": (low + high) / 2}
+    assert reproduction.word_of(row) == word
+    # The truth comes first.
+    truth = {"oracle_db": 0.0, "oracle_low_db": -1.0, "oracle_high_db": 1.0}
+    assert reproduction.word_of(row | truth) == "not reproduced"
     for effect in reproduction.EFFECTS:
         assert len(effect.paper) == 4
         assert len(effect.ours) == 4
