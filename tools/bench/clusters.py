@@ -10,10 +10,7 @@ its hours are too few.
 """
 
 import json
-import os
-import tempfile
 from pathlib import Path
-from unittest import mock
 
 import yaml
 
@@ -68,14 +65,10 @@ def trainings_of(table):
 
 
 def experiment_of(path):
-    """The experiment of a config whose photos and weights need not be there."""
-    with tempfile.TemporaryDirectory() as data:
-        config = check.sized(yaml.safe_load(path.read_text()) | {"small": False})
-        config |= {"frequency_weights": None, "lpips": {}}
-        for scene in config["scenes"]:
-            (Path(data) / "360_v2" / scene).mkdir(parents=True)
-        with mock.patch.dict(os.environ, ALIGNERF_DATA=data):
-            return plan.Experiment(check.checked(config, [str(path)]), None)
+    """The experiment of a config in full size, without weights."""
+    config = yaml.safe_load(path.read_text()) | {"small": False}
+    config["full_size"] |= {"frequency_weights": None, "lpips": {}}
+    return plan.Experiment(check.checked(config, [str(path)]), None)
 
 
 def program(job):
