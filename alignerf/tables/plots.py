@@ -83,7 +83,7 @@ def costs(table, path):
         axes.set_xlabel("seconds of all that it takes", fontsize=LABEL_PT)
         test_set = lines["test_set"].iloc[0]
         axes.set_ylabel(f"PSNR, {test_set} (dB)", fontsize=LABEL_PT)
-    finish(figure, panels, path)
+    finish(figure, panels, path, ncols=min(4, 2 * len(panels)))
 
 
 def sizes(table, captures, path):
