@@ -69,7 +69,7 @@ def expected_jobs(config):
         "align": scenes * (plain + staged) + sets + named - shared,
         "testset": scenes,
         "control_sets": scenes,
-        "facts": scenes + sets,
+        "facts": scenes + sets + named * config.get("decide", False),
         "config": scenes,
         "collect": scenes,
         "figures": scenes,

@@ -23,7 +23,7 @@ for scene_path in missing_scenes:
             f"results/logs/download_360_v2/{scene_path.rpartition('/')[2]}.log",
         conda:
             "../../environment.yml"
-        threads: workflow.cores or 1
+        threads: 10_000 # all that there are
         shell:
             "python -m alignerf.scenes.download {output:q} 2>&1 | tee {log:q}"
 
