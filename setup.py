@@ -13,7 +13,10 @@ DATA = {
     "alignerf.tables": ["*.yaml"],
     PIPELINE: [
         *("Snakefile", "environment.yml", "results/published/*.csv"),
-        *(f"workflow/**/*.{kind}" for kind in ("smk", "yaml", "rst", "py", "txt")),
+        *(
+            f"workflow/**/*.{kind}"
+            for kind in ("smk", "yaml", "rst", "py", "txt", "md")
+        ),
     ],
 }
 

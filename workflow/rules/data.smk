@@ -6,9 +6,9 @@ missing_scenes = check.or_exit(fetched.scenes)
 
 
 rule download_360_v2:
-    localrule: True
     input:
         local(missing_scenes),
+    localrule: True
 
 
 for scene_path in missing_scenes:
@@ -16,14 +16,14 @@ for scene_path in missing_scenes:
     rule:
         name:
             f"download_360_v2_{scene_path.rpartition('/')[2]}"
-        localrule: True
         output:
             directory(local(scene_path)),
         log:
             f"results/logs/download_360_v2/{scene_path.rpartition('/')[2]}.log",
+        localrule: True
         conda:
             "../../environment.yml"
-        threads: 10_000 # all that there are
+        threads: 10_000  # all that there are
         shell:
             "python -m alignerf.scenes.download {output:q} 2>&1 | tee {log:q}"
 
@@ -33,11 +33,11 @@ for weights_path, network in fetched.weights().items():
     rule:
         name:
             f"download_{network}_weights"
-        localrule: True
         output:
             local(weights_path),
         log:
             f"results/logs/download_{network}_weights.log",
+        localrule: True
         conda:
             "../../environment.yml"
         params:
