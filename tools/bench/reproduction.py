@@ -31,7 +31,7 @@ PLAIN = ("plain", "mipnerf360")
 SCENES = {
     "budget": "courtyard, poses off by 1.5 px, objects move",
     "motion": "courtyard, right poses, objects move",
-    "patches": "courtyard, validation seed",
+    "choices": "courtyard, validation seed",
     "flower_crop": "flower, a crop at full size",
     "treehill_crop": "treehill, a crop at full size",
 }
@@ -193,15 +193,16 @@ def budget_of(views, args):
         for method in own[frame.ROW].drop_duplicates().itertuples(index=False):
             mine = own[(own["method"] == method[0]) & (own["round"] == method[1])]
             scene = mine["scene"].iloc[0]
+            means = [s.mean() for s in psnr_db(own, method, truth).values()]
             row = {
                 "scene": SCENES.get(scene, scene),
                 "steps": round(share * args.steps),
+                "method": NAMES.get(tuple(method), method[0]),
+                "test_set": truth,
+                "seconds": mine.drop_duplicates("seed")["total_time_s"].mean(),
+                "psnr_db": np.mean(means),
+                "seeds": len(means),
             }
-            row |= {"method": NAMES.get(tuple(method), method[0]), "test_set": truth}
-            row["seconds"] = mine.drop_duplicates("seed")["total_time_s"].mean()
-            means = [s.mean() for s in psnr_db(own, method, truth).values()]
-            row["psnr_db"] = np.mean(means)
-            row |= {"seeds": len(means)}
             if method != (plain, 0):
                 for name, test_set in (("steps", truth), ("warped", "warped")):
                     found, _ = gain(own, method, (plain, 0), test_set, f"{name}_")
@@ -231,8 +232,8 @@ def row_of(effect, paper, views):
     row["paper_db"] = lines.loc[one, "psnr_db"] - lines.loc[other, "psnr_db"]
     scene, share, one, other = effect.ours
     own = views[(views["scene"] == scene) & (views["share"] == share)]
-    for name, test_set in (("warped", "warped"), ("oracle", "oracle")):
-        found, seeds = gain(own, one, other, test_set, f"{name}_")
+    for test_set in TRUTHS:
+        found, seeds = gain(own, one, other, test_set, f"{test_set}_")
         row |= found
         row["seeds"] = max(seeds, row.get("seeds", 0))
     row["word"] = word_of(row)
