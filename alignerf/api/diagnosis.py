@@ -32,7 +32,7 @@ FLIP = np.diag([1.0, -1.0, -1.0, 1.0])
 NAME, MODES = "diagnosed", ("camera_to_world", "world_to_camera")
 # Causes that corrected cameras cure; one that they cure where matches have found it;
 # levels of causes that are named.
-POSES, LENS, NAMED = ("camera", "focal"), ("lens_shift",), ("sure", "likely")
+POSES, LENS, NAMED = ("camera", "focal"), ("lens_shift",), ("faulty", "likely")
 # What exports from the folder that is no more.
 EXPORT = f"make export SCENE={NAME}"
 LINK = re.compile(r'<a href="[\w/.]+"[^>]*>(.*?)</a>', re.DOTALL)
@@ -43,8 +43,8 @@ Files = str | os.PathLike
 
 @dataclasses.dataclass(frozen=True)
 class Cause:
-    """Something that can be wrong. level: `sure` or `likely` where it is, `not seen`,
-    or `untold` where these renders cannot tell. value: NaN where unknown."""
+    """Something that can be wrong. level: `faulty` or `likely` where it is, `ok`, or
+    `cannot tell` by these renders. value: NaN where unknown."""
 
     name: str
     level: str

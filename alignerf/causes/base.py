@@ -140,7 +140,7 @@ class Cause:
     `explains_now` says so of an Evidence: they are not told then, because `spoils`,
     unless they `stand` by other evidence.
     detectable: whether the run of an Evidence tells it. looked_for: whether it is shown
-    at all. says: of an Evidence, what stands behind the label.
+    at all. says: of an Evidence, what was measured, in place of the value.
     called: a phrase for the headline; {probably} is empty where the cause is sure.
     sentence: with its number: {e}, {probably}, {value}, {px} is the value as a length;
     or a function of Evidence and {probably}.
@@ -217,6 +217,11 @@ def length(photo_px):
     if not math.isfinite(photo_px):
         return "unknown"
     return f"{photo_px:.1f} px" if photo_px >= 0.95 else f"{photo_px:.2f} px"
+
+
+def amount(value, unit):
+    """A value in its unit: a length as `length` tells it, else two digits."""
+    return length(value) if unit == "px" else f"{number(value)} {unit}"
 
 
 def number(value):

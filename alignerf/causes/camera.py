@@ -15,20 +15,20 @@ RIGHT_PX = 0.6
 # training of the same seconds, those of one and of two (docs/measured/in_loop.csv).
 AUTO_DB, AUTO_TWICE_DB = 1.2, 2.1
 ALIGN = (
-    "correct the cameras in the loop (a method with auto: true): one training that "
-    "looks once, moves them and learns the rest. On the demo's scene it brought "
-    f"{AUTO_DB} dB in the seconds of one training, {AUTO_TWICE_DB} dB in those of two."
+    "correct the cameras in the loop (a method with auto: true): one training corrects "
+    "them by optical flow, then optimizes them. On the demo's scene it brought "
+    f"{AUTO_DB} dB in the time of one training, {AUTO_TWICE_DB} dB in that of two."
 )
 # Where another program was trained: `align` is a method of ours.
 OF_OTHERS = (
-    "put its cameras right in a round: rounds: 1 and changes: cameras of this method, "
-    "or take those of one training of ours (a method with auto: true)."
+    "correct its cameras in a round (rounds: 1 and changes: cameras of this method), "
+    "or take those of a training with auto: true."
 )
 # Where the poses came with the photos, COLMAP finds others: on a phone's capture they
 # were 0.9 to 3.5 dB better than the phone's own (docs/measured/in_loop_real.csv).
 ANEW = (
-    "let COLMAP find the poses anew, from the photos alone, copied into a folder of "
-    "their own."
+    "let COLMAP estimate the poses again, from the photos alone, copied into a folder "
+    "of their own."
 )
 # Where matches between photos say how cameras have to move.
 ADJUSTED = (
@@ -119,14 +119,7 @@ def sentence(e, probably):
         where = "points that several photos show lie"
         return f"{lead} {where} {px} from where the cameras expect them."
     where = "in the crops " * (of == "crops")
-    said = f"{lead} {where}a moved camera explains {px} of the shift."
-    if e.perturb_px:
-        put = base.length(e.photo_px * e.perturb_px)
-        said += (
-            f" An error of {put} was put in on purpose (perturb_px) after the poses "
-            "were found, so that their reprojection error does not show it."
-        )
-    return said
+    return f"{lead} {where}a moved camera explains {px} of the misalignment."
 
 
 def text(e):
@@ -138,7 +131,9 @@ def anew(e):
     """Advice for poses that came with the photos, and the command where it is known."""
     if e.by_colmap is None:
         return ANEW
-    return f"let COLMAP find the poses anew, from the photos alone: `{e.by_colmap}`."
+    return (
+        f"let COLMAP estimate the poses again, from the photos alone: `{e.by_colmap}`."
+    )
 
 
 def advise(e, gains):
@@ -176,7 +171,7 @@ CAUSE = base.Cause(
     explains=("sparse", "motion", "exposure", "floaters", "tone"),
     # Where photos are too few, points tell of poses beside that.
     explains_now=lambda e: source(e) != "points",
-    spoils="a model of wrong poses is bent",
+    spoils="wrong poses distort the model",
     stands=stands,
     called="poses are {probably}off",
     sentence=sentence,

@@ -30,7 +30,7 @@ def sparse(e):
 SPARSE = base.Cause(
     name="sparse",
     order=(7, 4, 8),
-    label="held-out photos worse than learnt ones",
+    label="gap of held-out photos",
     unit="dB",
     value=gap_db,
     limit=lambda e: GAP_DB,
@@ -69,11 +69,11 @@ FEW_VIEWS = base.Cause(
     name="few_views",
     order=(8, 2, 10),
     label="number of photos",
-    unit="too few",
-    value=lambda e: max(shift.FEW_TRAIN_VIEWS - shift.views(e), 0),
-    limit=lambda e: 0,
+    unit="photos",
+    value=shift.views,
+    limit=lambda e: shift.FEW_TRAIN_VIEWS,
+    more_is_better=True,
     decide=few_views,
-    says=lambda e: f"{shift.views(e)}, {shift.FEW_TRAIN_VIEWS} are enough",
     called="photos are few",
     sentence=counted,
     advice="take more photos: 20 or more that overlap.",
@@ -90,7 +90,7 @@ def unregistered(e):
 UNREGISTERED = base.Cause(
     name="unregistered",
     order=(9, 3, 9),
-    label="photos placed by COLMAP",
+    label="photos registered by COLMAP",
     unit="% left out",
     scale=lambda e: 100,
     value=lambda e: 1 - e.registered / max(e.total, 1),
@@ -99,7 +99,7 @@ UNREGISTERED = base.Cause(
     looked_for=lambda e: not (e.poses_given or e.judged),
     says=lambda e: f"{e.registered} of {e.total}",
     called="photos are left out",
-    sentence="COLMAP placed {e.registered} of {e.total} photos: the others do not "
+    sentence="COLMAP registered {e.registered} of {e.total} photos: the others do not "
     "overlap with them, or show another place.",
     advice="take photos between those that are left out and the others.",
 )

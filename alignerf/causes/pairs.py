@@ -12,7 +12,7 @@ def share(e):
 PAIRS = base.Cause(
     name="pairs",
     order=(11, 1, 100),
-    label="renders of the right photos",
+    label="renders that match their photos",
     unit="wrong",
     value=lambda e: len(e.pairs.faults),
     limit=lambda e: 0,
@@ -26,13 +26,13 @@ PAIRS = base.Cause(
 COPIES = base.Cause(
     name="copies",
     order=(18, 8.2, 4.2),
-    label="photos that lie there twice",
+    label="duplicate photos",
     unit="photos",
     value=lambda e: e.copies,
     limit=lambda e: 0,
     decide=lambda e: (e.copies, True) if e.copies else None,
     says=lambda e: f"{e.copies or 'none'} of {e.train_views + e.test_views}",
-    called="photos lie there twice",
+    called="photos are there twice",
     sentence="{e.copies} photos show what another one shows, from the same place: a "
     "held-out photo that was also learnt from tests nothing.",
     advice="leave one of each two copies out.",

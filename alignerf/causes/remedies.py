@@ -52,18 +52,18 @@ def advise(e, gains, *, only_paying=False):
     if best.cameras_moved == 0:
         # Nothing is gained by cameras that are those given.
         return (
-            f"leave the cameras as given: {best.method} looked at them, and moved none."
+            f"leave the cameras as they are: {best.method} found none to move."
         )
     if pays(e, best):
         return (
-            f"take the cameras of {best.method}, which this run has corrected: "
+            f"train with the cameras that {best.method} has corrected: "
             f"`{provenance.export_command()}`."
         )
     if only_paying or e.test_views < shift.FEW_TEST_VIEWS:
         return ""
     return (
-        f"leave cameras and photos as given: {best.method} corrected what it saw, and "
-        "that brought no more than chance. Train longer."
+        f"leave cameras and photos as they are: what {best.method} corrected brought "
+        "no significant gain. Train longer."
     )
 
 

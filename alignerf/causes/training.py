@@ -22,7 +22,6 @@ OURS = base.Cause(
     explains_now=lambda e: shift.too_short(e) and not shift.known_crops(e),
     spoils=SPOILS,
     looked_for=lambda e: not e.judged,
-    says=lambda e: f"{base.number(e.epochs)} epochs, {shift.FEW_EPOCHS} are enough",
     called="trained {probably}too short",
     sentence="Training was {probably}too short: each pixel was seen {value:.2g} times.",
     advice="train longer first: more steps, or budget_min. Twice the steps brought "
@@ -43,10 +42,6 @@ OTHERS = base.Cause(
     looked_for=lambda e: bool(e.judged),
     explains=EXPLAINS,
     spoils=SPOILS,
-    says=lambda e: (
-        f"renders have {base.number(shift.detail(e))} of the photos' detail, "
-        f"{shift.MIN_DETAIL:g} is enough"
-    ),
     called="trained {probably}too short",
     sentence="Training was {probably}too short: renders have {value:.2g} of their "
     "photos' detail, at two to four pixels, and matches find no wrong poses.",
@@ -57,7 +52,7 @@ OTHERS = base.Cause(
 SMALLER = base.Cause(
     name="half_size",
     order=(16, 5.5, 1.5),
-    label="size of the photos that were trained on",
+    label="size of the training photos",
     unit="of the finest octave",
     value=shift.finest,
     limit=lambda e: shift.MIN_FINEST,

@@ -248,7 +248,7 @@ def of_judged(scene):
     named = {
         one.get("cause")
         for one in (told if isinstance(told, list) else ())
-        if isinstance(one, dict) and one.get("level") in ("sure", "likely")
+        if isinstance(one, dict) and one.get("level") in ("faulty", "likely")
     }
     return ("cameras", "photos") if "motion" in named else ("cameras",)
 

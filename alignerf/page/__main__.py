@@ -5,6 +5,7 @@ that needs no network.
 """
 
 import base64
+import os
 from pathlib import Path
 
 import jinja2
@@ -64,6 +65,7 @@ def render(folder, *, rounds, base, others=None, crops=NOTHING, moved=NOTHING[:2
         export = None
     limit_px = pictures.limit_of(verdict["evidence"])
     decisions, taken = contents.decisions(folder)
+    pages = provenance.ROOT / "docs"
     return template().render(
         scene=scene,
         verdict=verdict,
@@ -71,7 +73,9 @@ def render(folder, *, rounds, base, others=None, crops=NOTHING, moved=NOTHING[:2
         summary=told.summary(scene, verdict, facts, export),
         wheel=pictures.data_uri(photos.wheel(limit_px)),
         mark=told.MARK,
-        tables=contents.tables(folder),
+        tables=contents.tables(folder, photos.scale(folder)),
+        origin=contents.origin(folder, export),
+        docs=os.path.relpath(pages, folder) if pages.is_dir() else None,
         figures=figures(folder),
         decisions=decisions,
         decisions_taken=taken,
@@ -103,6 +107,7 @@ def seen(folder, rounds, others, base, limit_px, verdict, crops, moved):
         "strip": photos.strip(entries, limit_px * photo_px),
         "limit_px": limit_px,
         "photo_px": photo_px,
+        "some": photos.SOME,
         "full_px": photos.FULL_PX,
         "moved_by": moved[0],
         "size_of": "renders" if verdict["evidence"].get("judged") else "training size",

@@ -5,12 +5,14 @@ sorted by.
 """
 
 import math
+from datetime import UTC, datetime
 from typing import NamedTuple
 
 import pandas as pd
 
+import alignerf
 from alignerf.experiment import decisions as decided
-from alignerf.io import csv_files, json_files, yaml_files
+from alignerf.io import csv_files, faults, json_files, machine, yaml_files
 from alignerf.scenes import prepared
 from alignerf.scenes.external import geometry
 from alignerf.tables import columns, scores
@@ -35,14 +37,13 @@ EXPORTED = {
 FIGURES = {
     "curves": (
         "Misalignment and quality, round by round",
-        "Rounds make renders sharper. They leave the held-out photos as they were "
-        "taken, and these stay as far off. So the flow to them hardly falls, and may "
-        "even grow, as a sharper render shows more of it. PSNR tells whether a round "
-        "helped.",
+        "PSNR tells whether a round helped. The flow to held-out photos hardly falls: "
+        "rounds warp the training photos, not these, and a sharper render shows more "
+        "of their misalignment.",
     ),
     "lengths": (
         "How long the flow is, and its parts",
-        "Each part has lengths of its own: they do not add up to those of the flow.",
+        "The parts' lengths do not add up to those of the flow.",
     ),
 }
 
@@ -65,8 +66,11 @@ class Cell(NamedTuple):
     order: str | float
 
 
-def tables(folder):
-    """The tables of a scene as the template shows them; missing ones are left out."""
+def tables(folder, photo_px=1.0):
+    """The tables of a scene as the template shows them; missing ones are left out.
+
+    photo_px: px of the photo in one of the training's: all lengths are in the first.
+    """
     sections = []
     for name in TABLES:
         path = folder / "tables" / f"{name}.csv"
@@ -74,7 +78,11 @@ def tables(folder):
             told, table = columns.TABLES[name], csv_files.read(path)
             if lacking := ends_lacking(table, told.columns):
                 raise ValueError(f"{path}: no column {lacking}")
-            section = {"name": name, "heading": told.title, "note": told.note}
+            lengths = [key for key in told.columns if key.endswith("_px")]
+            lengths = table.columns.intersection(lengths)
+            table[lengths] = photo_px * table[lengths]
+            note = told.note.replace("the training size", "the photo")
+            section = {"name": name, "heading": told.title, "note": note}
             sections.append(section | table_of(table, told.columns))
     return sections
 
@@ -121,6 +129,25 @@ def cell(row, key, form):
     if form == "min":
         return Cell(f"{value / 60:.1f}", value)
     return Cell(format(value, form), value)
+
+
+def origin(folder, export):
+    """(name, text) of what made the page: version, when, the command, its input."""
+    scene = faults.resolved(folder).name
+    own = yaml_files.read(folder / "config.yaml").get("scenes", {}).get(scene, {})
+    command = (export or "").replace(" export", "", 1)
+    if not command.startswith("snakemake"):
+        config = f"results/{scene}.yaml"
+        command = f"snakemake --cores {machine.cores()} --configfile {config}"
+        command = command if (folder.parent / f"{scene}.yaml").is_file() else "make run"
+    made = datetime.fromtimestamp((folder / "verdict.json").stat().st_mtime, UTC)
+    given = own.get("path") or own.get("images") or f"the embedded {scene}"
+    return [
+        ("why-blurry", alignerf.__version__),
+        ("on", f"{made:%Y-%m-%d %H:%M} UTC"),
+        ("command", command),
+        ("input", given),
+    ]
 
 
 def quarter_turns(folder):
@@ -177,10 +204,10 @@ def facts(folder):
             raise ValueError(f"{folder / 'poses.json'}: judged is {judged!r:.60}")
         return facts_of_judged(poses, judged)
     entries = [
-        ("photos", f"{poses['registered']} of {poses['total']} placed"),
+        ("photos", f"{poses['registered']} of {poses['total']} registered"),
         ("held out", f"{poses['test_views']}"),
         ("trained at", f"{poses['width']}x{poses['height']} px"),
-        ("photos have", f"{poses['photo_width']}x{poses['photo_height']} px"),
+        ("photo size", f"{poses['photo_width']}x{poses['photo_height']} px"),
     ]
     if isinstance(said := poses.get("of_poses"), str):
         entries.append(("poses", said.removeprefix("poses ")))
@@ -194,14 +221,14 @@ def facts(folder):
 
 def facts_of_judged(poses, judged):
     """The same of renders that are judged: how they were put together."""
-    taken = geometry.WAYS.get(judged.get("way"), "in a way of their own")
+    taken = geometry.WAYS.get(judged.get("way"), "unknown")
     return [
-        ("renders", f"{poses['registered']} of {poses['total']} photos have one"),
-        ("held out", f"{poses['test_views']}, {judged.get('held_out') or 'not known'}"),
-        ("judged at", f"{poses['width']}x{poses['height']} px"),
-        ("photos have", f"{poses['photo_width']}x{poses['photo_height']} px"),
-        ("renders are", str(judged.get("layout"))),
-        ("they show the photos", taken),
+        ("renders", f"of {poses['registered']} of {poses['total']} photos"),
+        ("held out", f"{poses['test_views']}, {judged.get('held_out') or 'unknown'}"),
+        ("compared at", f"{poses['width']}x{poses['height']} px"),
+        ("photo size", f"{poses['photo_width']}x{poses['photo_height']} px"),
+        ("folder", str(judged.get("layout"))),
+        ("camera model", taken),
         ("cameras", str(judged.get("cameras"))),
     ]
 

@@ -43,7 +43,7 @@ const look = (() => {
   }
 
   function title(name) {
-    if (name === "render" && after) return "before any repair";
+    if (name === "render" && after) return "before any fix";
     return name === after ? `after: ${name.replace(/^render,? ?/, "")}` : name;
   }
 
@@ -83,13 +83,12 @@ const look = (() => {
     $("view").value = now.key;
     $("regions").hidden = !crops.length;
     fill($("region"), [[0, "whole photo"], ...crops.map(
-      (_, i) => [i + 1, `window ${i + 1}, photo's own size`],
+      (_, i) => [i + 1, `crop ${i + 1}, full resolution`],
     )], now.part);
     ["left", "right"].forEach((id, side) => {
       fill($(id), names.map((name) => [name, name]), pair[side]);
     });
     const made = pair.map(picture);
-    $("top").classList.toggle("wide", now.mode === "side");
     $("slide").hidden = now.mode !== "slide";
     $("panes").hidden = now.mode === "slide";
     $("zooms").hidden = now.mode === "slide";
@@ -123,7 +122,7 @@ const look = (() => {
 
   function caption(one, pair) {
     const why = one.why ? ` It stands out: ${one.why}.` : "";
-    if (now.part) return `${one.name}: a window at the photo's own size.${why}`;
+    if (now.part) return `${one.name}: a crop at full resolution.${why}`;
     const words = pair.map((name, side) => `${side ? "Right" : "Left"}: ${one.captions[name]}.`);
     return `${one.name}. ${words.join(" ")}${why}`;
   }

@@ -26,6 +26,8 @@ WHEEL_PX = 160
 STRIP_HEIGHT = 100
 # A length is `low` up to its limit, `high` beyond so many limits.
 HIGH = 3.0
+# Thumbnails that are not folded away.
+SOME = 24
 # Of crops at the photos' own size, in folders of trainings on them.
 CROPS_QUALITY = 90
 CROPS_BYTES = 1_500_000
@@ -94,14 +96,14 @@ def of_rounds(source: Source):
     And after these, methods beside the rounds.
     """
     last = len(source.rounds) - 1
-    repaired = bool(last > 0 or source.others)
-    words = f"by {source.method}" + ", before any repair" * repaired
+    fixed = bool(last > 0 or source.others)
+    words = f"by {source.method}" + ", before any fix" * fixed
     found = [("", words, source.rounds[0])]
     if last > 0:
         words = f"by {source.method} after round {last}"
         found.append((f" after round {last}", words, source.rounds[last]))
     for name, folders in (source.others or {}).items():
-        found.append((f", {name}", f"by {name}, which aligns in its loop", folders))
+        found.append((f", {name}", f"by {name}", folders))
     return found
 
 
@@ -154,18 +156,18 @@ def arrows(shown: Shown):
 
 
 def captions(shown: Shown, photo_px):
-    """{layer: what it shows, in words}, with the shift and the fine detail.
+    """{layer: what it shows, in words}, with the misalignment and the sharpness.
 
     photo_px: pixels of the photo in one of the training's.
     """
     row = shown.row
-    how = "held out of the training" if row.split == "test" else "trained on"
-    said = {"photo": f"photo as taken, {how}", "warped photo": "photo, warped onto it"}
-    said["truth"] = "what the photo would show without any misalignment"
+    how = "held out" if row.split == "test" else "a training photo"
+    said = {"photo": f"photo, {how}", "warped photo": "photo, warped onto the render"}
+    said["truth"] = "ground truth, what the photo would show without misalignment"
     detail = image_metrics.detail(shown.layers["photo"]())
     for place, (name, whose) in enumerate(shown.renders.items()):
         share = image_metrics.detail(shown.layers[name]()) / max(detail, 1e-6)
-        parts = [f"render {whose}", f"{100 * share:.0f} % of the photo's fine detail"]
+        parts = [f"render {whose}", f"{100 * share:.0f} % of the photo's sharpness"]
         if not place and np.isfinite(row.flow_px):
             parts.insert(1, f"{photo_px * row.flow_px:.1f} px from the photo")
         said[name] = ", ".join(parts)
@@ -288,7 +290,7 @@ def strip(photos, limit_px):
 
 
 def afters(every, tried):
-    """Layers of renders after a repair, the one that gained most first.
+    """Layers of renders after a fix, the one that gained most first.
 
     every: `Shown`s. tried: the verdict's; without them, the last is first.
     """

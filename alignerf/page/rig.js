@@ -71,8 +71,15 @@
     };
   });
 
+  // Right, up, towards the viewer, from the lower left corner.
+  const axes = ["#d33", "#2a4", "#36d"].map((stroke) => add(svg, "path", { class: "axis", stroke }));
+
   function draw() {
     const seen = flatten(), size = eye.zoom / across;
+    axes.forEach((axis, k) => {
+      const [x, y] = seen(pivot.map((at, i) => at + (i === k ? 9 : 0)));
+      axis.setAttribute("d", `M-86 62l${x.toFixed(2)} ${y.toFixed(2)}`);
+    });
     const flat = (place) => seen(place).map((at, k) => (size * (at - centre[k])).toFixed(1)).join(" ");
     for (const { path, places } of clouds) {
       path.setAttribute("d", places.map((place) => `M${flat(place)}h0`).join(""));

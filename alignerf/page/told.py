@@ -1,13 +1,14 @@
-"""The verdict as the page shows it: headline, what to do first, gauges, a summary.
+"""The verdict as the page shows it: headline, what to do first, fixes, checks, a summary.
 
 From verdict.json, which holds what `alignerf.verdict.report` tells.
 """
 
-from alignerf import causes
+from alignerf import testsets
 from alignerf.io import json_files
 from alignerf.verdict import report
 
-LEVELS = ("sure", "likely", "not seen", "untold")
+# A level's sign, which tells it without colours.
+SIGNS = dict(zip(report.LEVELS, ("\u2715", "!", "\u2713", "?"), strict=True))
 # How often the cause of a planted fault is named first: {capture: (right, of)}, by
 # limits fitted on the others; and false causes a verdict (docs/measured/verdicts.csv).
 RIGHT = {
@@ -19,51 +20,82 @@ RIGHT = {
     "treehill": (22, 29),
 }
 FALSE_EACH = 0.08
-# A gauge's mark, where the limit is, in shares of its width.
-MARK = 0.5
+# A bar's mark, where the limit is, in shares of its width; and the least that is seen.
+MARK, LEAST = 0.5, 0.02
 
 
 def read(folder):
-    """What verdict.json holds, its command apart from its text, and `gauges`."""
+    """What verdict.json holds, its command apart from its text, `gauges`, `fixes`."""
     found = json_files.read(folder / "verdict.json", {"causes": list, "do_first": dict})
     first = found["do_first"] | {"text": report.without_command(found["do_first"])}
-    gauges = [*map(gauge, found["causes"])]
-    return found | {"do_first": first, "gauges": gauges, "right": how_right()}
+    return found | {
+        "do_first": first,
+        "gauges": [*map(gauge, found["causes"])],
+        "fixes": fixes(found["tried"]),
+        "right": how_right(),
+    }
 
 
 def how_right():
     """How far the verdict is to be trusted, in two sentences."""
     each = ", ".join(f"{name} {right} of {of}" for name, (right, of) in RIGHT.items())
     return (
-        "How often it is right: of faults planted in captures, the cause that was "
-        f"named first was the planted one in {each}, by limits that the capture had no "
-        f"part in. {FALSE_EACH:.2f} causes a verdict were named and not there."
+        "How often it is right: of faults planted in captures, the planted cause was "
+        f"named first in {each}, by limits that were fitted without the capture. "
+        f"{FALSE_EACH:.2f} causes per verdict were named and not there."
     )
 
 
 def gauge(one):
-    """A cause as a gauge: how far it is filled, and what stands beside it.
+    """A cause with its sign, and its bar: `filled`, and whether it is `clipped`.
 
-    filled: in shares of the gauge's width, MARK at the limit; None where it could not
-    be told.
+    filled: in shares of the bar's width, MARK at the limit, longer is worse; None where
+    nothing was measured, and where none is allowed and none was found.
     """
-    level, value, limit = one["level"], one["value"], one["limit"]
-    shown = {key: one[key] for key in ("name", "level", "text")}
-    said = one["text"].removeprefix(f"{one['name']} (").removesuffix(")")
-    if value is None or limit is None or level == "untold":
-        why = said if said.startswith(report.CANNOT_TELL) else ""
-        return shown | {"filled": None, "numbers": why}
-    inverse = {cause.name for cause in causes.every() if cause.more_is_better}
-    part, whole = (limit, value) if one["cause"] in inverse else (value, limit)
-    # Where none is right, one is as far as it goes.
-    share = MARK * (part / whole) if whole > 0 else float(part > 0)
-    # What lies beyond its limit, and within its error, is not shown as beyond.
-    most = MARK if level == "not seen" else 1.0
-    numbers = said
-    if said.endswith(one["unit"]):
-        numbers = f"{value:.3g} {one['unit']}"
-        numbers += f" (fine: up to {limit:.3g})" * bool(limit)
-    return shown | {"filled": min(max(share, 0.0), most), "numbers": numbers}
+    value, limit = one["value"], one["limit"]
+    if one["level"] == report.UNKNOWN or value is None or limit is None:
+        filled = None
+    else:
+        part, whole = (limit, value) if one["more_is_better"] else (value, limit)
+        filled = MARK * part / whole if whole > 0 else (2.0 if part > 0 else None)
+    clipped = filled is not None and filled > 1
+    bar = filled if filled is None else min(max(filled, LEAST), 1.0)
+    return one | {"sign": SIGNS[one["level"]], "filled": bar, "clipped": clipped}
+
+
+def fixes(tried):
+    """{rows, zero, against} of the fixes of a run; None where nothing was tried.
+
+    Rows have `start`, `width`, `low_at` and `high_at` of their bars, and all is in
+    percent of the widest. against: test sets, in words, and each row's own where they
+    differ.
+    """
+    if not tried:
+        return None
+    ends = [end for one in tried for end in (one["low"], one["high"], one["db"], 0.0)]
+    low, high = min(ends), max(ends)
+
+    def at(db):
+        return 100 * (db - low) / max(high - low, 1e-9)
+
+    against = dict.fromkeys(testsets.against(one["test_set"]) for one in tried)
+    rows = []
+    for one in tried:
+        apart = [testsets.against(one["test_set"])] * (len(against) > 1)
+        significant = one["low"] > 0 or one["high"] < 0
+        rows.append(
+            one
+            | {
+                "kind": "ok" if one["pays"] else "faulty" if significant else "unclear",
+                "sign": "\u2713" if one["pays"] else "\u2715" if significant else "\u2013",
+                "notes": [*apart, *one["notes"]],
+                "start": at(min(one["db"], 0)),
+                "width": at(max(one["db"], 0)) - at(min(one["db"], 0)),
+                "low_at": at(one["low"]),
+                "span": at(one["high"]) - at(one["low"]),
+            }
+        )
+    return {"rows": rows, "zero": at(0.0), "against": ", ".join(filter(None, against))}
 
 
 def summary(scene, told, facts, export):
@@ -73,12 +105,8 @@ def summary(scene, told, facts, export):
     lines += [f"    {command}"] * bool(command)
     lines += [f"Tried: {one['text']}" for one in told["tried"]]
     lines += told["measured"]
-    for level in LEVELS:
-        named = [
-            f"{one['name']} {one['numbers']}".strip()
-            for one in told["gauges"]
-            if one["level"] == level
-        ]
+    for level in report.LEVELS:
+        named = [one["text"] for one in told["gauges"] if one["level"] == level]
         lines += [f"{level.capitalize()}: {', '.join(named)}"] * bool(named)
     lines.append("; ".join(f"{name}: {text}" for name, text in facts))
     return "\n".join(lines + [f"For other programs: {export}"] * (export is not None))

@@ -1,7 +1,6 @@
 """Sentences on what was measured: shifts, cameras, odd photos; what could not be told.
 
-Lengths are in pixels of the original photo. Where it matters, they are also said for
-photos of 1600 px of width, as programs make them for training.
+Lengths are in pixels of the original photo.
 """
 
 import math
@@ -9,7 +8,6 @@ import math
 from alignerf.causes import shift
 from alignerf.causes.base import length
 
-SCALE = f"at {shift.USUAL_WIDTH_PX} px of width"
 # Why crops tell nothing.
 NOTHING_TOLD = {
     "unknown": "no flow in them is valid.",
@@ -22,14 +20,14 @@ NOTHING_TOLD = {
 # Of renders of another program: by the depth that was used.
 DEPTHS = {
     "given": "The renders' own depth was used.",
-    "points": "Depth is coarse: that of the points which the cameras came with.",
-    "far": "Without depth only a turn and a zoom of a camera are told, not a step to "
-    "the side: what a step explains is counted as the rest.",
+    "points": "Depth is coarse: it comes from the cameras' sparse points.",
+    "far": "Without depth only a camera's rotation and focal length are told, not its "
+    "translation, which counts as residual flow.",
 }
 # Of depth whose unit neither points nor the config has told.
 UNKNOWN_UNIT = (
-    " Its unit is not known, as the cameras came without points: it was taken for "
-    "theirs. If it is another, an export moves cameras too far or too little. "
+    " Its unit is unknown, as the cameras came without points: that of the cameras is "
+    "assumed. If it differs, an export moves cameras too far or too little. "
     '`JUDGE="--depth-scale X"` says it.'
 )
 
@@ -43,7 +41,13 @@ def sentences(e, views, gains=()):
     odd = [f"{view.view}: {view.stands_out}" for view in views if view.stands_out]
     more = f"; {len(odd) - 3} more in tables/views.csv" if len(odd) > 3 else ""
     photos = [f"Photos that stand out: {'; '.join(odd[:3])}{more}."] if odd else []
-    return [*poses(e), *of_crops, whole_photos(e), *of_others, *photos]
+    return [*poses(e), *of_crops, whole_photos(e), *of_others, *photos, *perturbed(e)]
+
+
+def perturbed(e):
+    """What a config has done to the poses on purpose."""
+    px = length(e.photo_px * e.perturb_px)
+    return [f"The config perturbs the poses by {px} (perturb_px)."] * bool(e.perturb_px)
 
 
 def poses(e):
@@ -53,8 +57,7 @@ def poses(e):
     m = e.matches
     change = f"{length(m.before_px)} -> {length(m.after_px)}"
     if not m.accepted:
-        seen = f"matches that it has not seen: {change}"
-        return [f"Bundle adjustment finds no better poses than those given ({seen})."]
+        return [f"Bundle adjustment finds no better poses (held-out matches {change})."]
     if e.pairs.stops:
         what = "matches between photos say so"
     elif m.applied:
@@ -68,25 +71,20 @@ def poses(e):
     return [f"Poses {verb} off by {off}: {what}. Held-out matches: {change}."]
 
 
-def wide(photo_px, e):
-    """A length where the photo is 1600 px wide."""
-    return length(photo_px * shift.USUAL_WIDTH_PX / e.photo_width_px)
-
-
 def whole_photos(e):
     """How far photos and renders are apart at the size of training."""
     parts = []
     if math.isfinite(e.flow_train_px):
         px = length(e.photo_px * e.flow_train_px)
-        parts.append(f"{px} on photos that were trained on")
+        parts.append(f"{px} on training photos")
     if math.isfinite(e.flow_test_px) or not e.judged:
         parts.append(f"{length(e.photo_px * e.flow_test_px)} on held-out ones")
     limit = e.photo_px * shift.told_px(e.overfit_px)
-    begins = "Photo and render are shifted by"
+    begins = "The misalignment of photo and render is"
     if e.crops:
-        begins = "By the whole photos, trained small, the shift is"
-    unseen = f"a shift under {length(limit)} ({wide(limit, e)} {SCALE})"
-    return f"{begins} {', '.join(parts)}; {unseen} would not be seen."
+        begins = "By whole photos, trained small, the misalignment is"
+    unseen = f"under {length(limit)} it would not be seen"
+    return f"{begins} {', '.join(parts)}; {unseen}."
 
 
 def crops(e, gains):
@@ -99,23 +97,22 @@ def crops(e, gains):
     each = f"{w.places} crop{'s' * (w.places > 1)} of {w.px} px of each photo"
     interval = f"95 % interval {length(w.low_px)} to {length(w.high_px)}"
     lines = [
-        f"At the photos' own size a photo and its render are shifted by {apart} "
-        f"({interval}), which is {wide(w.flow_px, e)} {SCALE}. That is the median of "
-        f"{w.photos} photos that were trained on, in {each}; on {w.test_photos} "
-        f"held-out photos it is {held_out}."
+        f"At the photos' own size the misalignment is {apart} ({interval}), the median "
+        f"of {w.photos} training photos, in {each}; on {w.test_photos} held-out photos "
+        f"it is {held_out}."
     ]
     if say == "misaligned":
         lines.append(
-            "The true error of the poses is larger than that shift: a model that is "
-            "trained with wrong poses hides a part of it."
+            "The poses are off by more than that: a model that is trained with wrong "
+            "poses hides a part of their error."
         )
     if say == "unconfirmed":
-        lines.append("Held-out photos do not confirm that shift.")
+        lines.append("Held-out photos do not confirm it.")
     moved = {gain.cameras_moved for gain in gains if gain.in_loop}
     # Where no camera has moved, the others are the same once more.
     if math.isfinite(w.corrected_px) and moved != {0}:
         px = length(w.corrected_px)
-        lines.append(f"With the cameras that this run has corrected the shift is {px}.")
+        lines.append(f"With the cameras that this run has corrected it is {px}.")
     return lines
 
 
@@ -125,7 +122,7 @@ def judged(e):
     found = [DEPTHS[e.judged.depth] + unit]
     if e.judged.before:
         name, *shifts = e.judged.before
-        kinds = ("photos that were trained on", "held-out ones")
+        kinds = ("training photos", "held-out ones")
         parts = [
             f"{px:.2g} px on {kind}"
             for px, kind in zip(shifts, kinds, strict=True)
@@ -134,12 +131,12 @@ def judged(e):
         found.insert(0, f"Before, in {name}, it was {', '.join(parts) or 'unknown'}.")
     if e.judged.cameras == "none":
         found.append(
-            "No cameras were given: a field of view was assumed, and what is called a "
-            "camera's share is a guess by it."
+            "No cameras were given: a field of view was assumed, so that the camera's "
+            "part of the misalignment is a guess."
         )
     if not e.test_views:
         found.append(
             "No renders of held-out photos were given: a model can hide wrong poses in "
-            "the photos that it has learnt. Render those that it has not seen, too."
+            "its training photos. Render views that it has not seen, too."
         )
     return found

@@ -1,8 +1,8 @@
 """The verdict as one object: terminal, page and verdict.json show the same.
 
 Its parts, in this order: VERDICT, what is wrong; DO FIRST, with a command where there
-is one; TRIED, what this run's remedies brought; MEASURED; CHECKED AND FINE. Lengths are
-in pixels of the original photo.
+is one; TRIED, what this run's fixes brought; MEASURED; OK; CANNOT TELL. Lengths are in
+pixels of the original photo.
 """
 
 import math
@@ -11,17 +11,19 @@ import textwrap
 
 from alignerf import causes, testsets
 from alignerf.causes import camera, coverage, motion, remedies, shift
-from alignerf.causes.base import length, number
+from alignerf.causes.base import amount, length
 from alignerf.io import provenance
 from alignerf.metrics import pairs
 from alignerf.verdict import measured
 
 # Of the terminal: where texts begin, and where they end.
-INDENT, WIDTH = 10, 100
+INDENT, WIDTH = 13, 100
 # A command in a text.
 COMMAND = re.compile(r"`((?:make|snakemake|why-blurry|ns-|python) ?[^`]*)`")
 # From this place among advice on, photos are to be taken.
 MORE_PHOTOS = 8
+# How sure it is that a cause applies.
+LEVELS = FAULTY, LIKELY, OK, UNKNOWN = "faulty", "likely", "ok", "cannot tell"
 # How a gauge begins whose evidence another cause spoils.
 CANNOT_TELL = "cannot tell, because"
 # Where alignment cannot be told: without crops; with them; with too few of them.
@@ -102,7 +104,7 @@ def headline(e, findings):
         for one in findings:
             if one.cause.seen_by_points:
                 return f"{one.called}, and photos are too few or too far apart."
-        return "too few photos, or too far apart: aligning is no help."
+        return "too few photos, or too far apart: alignment does not help."
     if shift.few_train(e):
         return "too few photos to say much."
     if shift.too_short(e):
@@ -115,7 +117,7 @@ def headline(e, findings):
         return f"cannot be told for sure: crops are {px} apart.{also}"
     if coverage.SPARSE.find(e):
         return f"cannot be told: held-out photos are far worse than learnt ones.{also}"
-    seen = f"a shift under {length(shift.limit_px(e))} would not be seen"
+    seen = f"a misalignment under {length(shift.limit_px(e))} would not be seen"
     return f"cannot be told at this size: {seen}.{also}"
 
 
@@ -135,17 +137,16 @@ def advise(e, findings, gains=()):
         return of_judged_alignment(e)
     if remedies.warped_in_vain(e, gains):
         return (
-            "leave the photos as they are: this run warped them, and that brought no "
-            "more than chance."
+            "leave the photos as they are: warping them brought no significant gain."
         )
     misaligned = shift.misaligned(e)
     if tried := remedies.advise(e, gains, only_paying=not misaligned):
         return tried
     if misaligned:
-        return f"{camera.text(e)} The cause is not known: look at what remains."
+        return f"{camera.text(e)} The cause is unknown: look at the residual flow."
     if not shift.tells(e):
         return {None: UNSEEN, "few": WIDER}.get(shift.of_crops_say(e), LARGER)
-    return "nothing about alignment. For sharper renders take more steps."
+    return "nothing about alignment. For sharper renders train for more steps."
 
 
 def place_of_advice(finding):
@@ -159,7 +160,7 @@ def of_judged_alignment(e):
     if shift.misaligned(e):
         return with_export(e, motion.CAUSE.advice_external)
     if not shift.tells(e):
-        return "render larger pictures: at this size a shift is too small to be seen."
+        return "render larger images: at this size a misalignment is too small to be seen."
     if coverage.SPARSE.find(e):
         return coverage.SPARSE.advice_external
     return (
@@ -182,53 +183,61 @@ def with_export(e, text):
 
 
 def tried(gain, e):
-    """What a remedy brought: its sentence claims nothing from few views."""
-    took = f"{gain.minutes:.0f} min" if gain.minutes >= 1 else "under a minute"
+    """What a fix brought: its sentence claims nothing from few views."""
+    took = f"{gain.minutes:.0f} min" if gain.minutes >= 2 else f"{took_s(gain)} s"
     against = testsets.against(gain.test_set)
-    against = against and f" {against}"
-    if gain.in_loop and testsets.is_unfair(gain.test_set, {"cameras"}):
-        against += " by cameras that were left as given: true gains are larger,"
     interval = f"[{gain.low:+.2f}, {gain.high:+.2f}]"
-    text = f"{gain.name}: {gain.db:+.2f} dB {interval}{against} in {took}"
+    parts = [f"{gain.name}: {gain.db:+.2f} dB {interval} {against}".strip()]
+    parts[0] += f", {took}"
+    matches = ""
     if gain.matches and gain.matches["accepted"]:
-        change = "{before_px:.2f} -> {after_px:.2f} px".format(**gain.matches)
-        text += f", held-out matches {change}"
+        matches = "{before_px:.2f} -> {after_px:.2f} px".format(**gain.matches)
+        parts.append(f"held-out matches {matches}")
+    notes = []
+    if gain.in_loop and testsets.is_unfair(gain.test_set, {"cameras"}):
+        notes.append("judged by the input cameras, so that the true gain is larger")
     if gain.cameras_moved == 0:
-        text += ", without moving a camera"
+        notes.append("no camera moved")
     if e.test_views < shift.FEW_TEST_VIEWS:
-        text += f"; {e.test_views} held-out photos are too few to be sure"
+        notes.append(f"{e.test_views} held-out photos are too few to be sure")
     elif not (gain.low > 0 or gain.high < 0):
-        text += ": not more than chance"
-    kept = ("db", "low", "high", "minutes", "test_set", "method")
-    numbers = {key: getattr(gain, key) for key in kept}
-    return {"text": f"{text}.", "pays": remedies.pays(e, gain)} | numbers
+        notes.append("not significant")
+    told = {"text": f"{'; '.join(parts + notes)}.", "pays": remedies.pays(e, gain)}
+    kept = ("name", "db", "low", "high", "test_set", "method")
+    told |= {key: getattr(gain, key) for key in kept}
+    return told | {"seconds": took_s(gain), "matches": matches, "notes": notes}
+
+
+def took_s(gain):
+    """Whole seconds that a fix took, all before it included."""
+    return round(60 * gain.minutes)
 
 
 def gauge(cause, e, findings, spoilt=None):
-    """{cause, name, level, value, limit, unit, text} of a cause.
+    """{cause, name, level, value, limit, unit, measured, allowed, note, text}.
 
-    level: `sure` or `likely` where it is named, `not seen`, or `untold` where this run
-    cannot tell, as where another cause explains what would show it.
+    level: `faulty` or `likely` where it is named, `ok`, or `cannot tell`, as where
+    another cause explains what would show it.
     """
     scale = cause.scale(e)
     value, limit = float(scale * cause.value(e)), float(scale * cause.limit(e))
     sure = {finding.cause: finding.sure for finding in findings}
     if cause in sure:
-        level = "sure" if sure[cause] else "likely"
+        level = FAULTY if sure[cause] else LIKELY
     else:
         unknown = not (cause.detectable(e) and math.isfinite(value))
         unknown |= bool(spoilt or e.pairs.stops)
-        level = "untold" if unknown else "not seen"
-    says = f"{number(value)} of {number(limit)} {cause.unit}"
-    if spoilt and level == "untold":
-        says = f"{CANNOT_TELL} {spoilt.cause.spoils}"
-    elif cause.says:
-        says = cause.says(e)
-    elif level == "not seen" and (
-        value < limit if cause.more_is_better else value > limit
-    ):
+        level = UNKNOWN if unknown else OK
+    measured = cause.says(e) if cause.says else amount(value, cause.unit)
+    allowed = f"{'from' if cause.more_is_better else 'up to'} {bare(limit, cause.unit)}"
+    allowed = allowed if limit or cause.more_is_better else "none"
+    note = ""
+    if spoilt and level == UNKNOWN:
+        note = f"{CANNOT_TELL} {spoilt.cause.spoils}"
+    elif level == OK and (value < limit if cause.more_is_better else value > limit):
         # Views do not agree on it, or matches deny it.
-        says = f"{number(value)} {cause.unit}, not confirmed"
+        note = "not confirmed"
+    said = f"{measured}; {note or f'fine: {allowed}'}"
     return {
         "cause": cause.name,
         "name": cause.label,
@@ -236,8 +245,17 @@ def gauge(cause, e, findings, spoilt=None):
         "value": value,
         "limit": limit,
         "unit": cause.unit,
-        "text": f"{cause.label} ({says})",
+        "more_is_better": cause.more_is_better,
+        "measured": measured,
+        "allowed": allowed,
+        "note": note,
+        "text": f"{cause.label} ({note if level == UNKNOWN else said})",
     }
+
+
+def bare(value, unit):
+    """A limit, in digits of what it bounds; its unit stands beside that."""
+    return amount(value, unit).removesuffix(f" {unit}")
 
 
 def without_command(do_first):
@@ -248,17 +266,15 @@ def without_command(do_first):
 def terminal(told):
     """Lines of what `of` tells, folded for a terminal."""
     do_first, command = told["do_first"], told["do_first"]["command"]
-    fine = ", ".join(
-        one["text"] for one in told["causes"] if one["level"] == "not seen"
-    )
+    fine = ", ".join(one["text"] for one in told["causes"] if one["level"] == OK)
     untold = "; ".join(untold_of(told["causes"]))
     parts = {
         "VERDICT": [told["headline"], *told["because"]],
         "DO FIRST": [without_command(do_first), *[f"    {command}"] * bool(command)],
         "TRIED": [one["text"] for one in told["tried"]],
         "MEASURED": told["measured"],
-        "FINE": [f"{fine}."] * bool(fine),
-        "NOT TOLD": [f"{untold}."] * bool(untold),
+        "OK": [f"{fine}."] * bool(fine),
+        "CANNOT TELL": [f"{untold}."] * bool(untold),
     }
     return [line for title, texts in parts.items() for line in folded(title, texts)]
 
@@ -267,10 +283,8 @@ def untold_of(gauges):
     """What is not told, by why it is not."""
     names = {}
     for one in gauges:
-        if one["level"] == "untold":
-            said = one["text"].removeprefix(f"{one['name']} (").removesuffix(")")
-            why = said if said.startswith(CANNOT_TELL) else ""
-            names.setdefault(why, []).append(one["name"])
+        if one["level"] == UNKNOWN:
+            names.setdefault(one["note"], []).append(one["name"])
     return [", ".join(own) + f": {why}" * bool(why) for why, own in names.items()]
 
 

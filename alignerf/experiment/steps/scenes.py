@@ -124,13 +124,14 @@ def figures(experiment, w):
 
 
 def test_views(experiment, scene):
-    """Test views of the reference round by round, then of aligned methods, named."""
+    """Test views of the reference round by round, then of others that fix, named."""
     if "test" not in experiment.capture(scene).splits(experiment.scenes[scene]):
         return []
     method = experiment.config["reference"]["method"]
     every = range(experiment.last_round(scene, method) + 1)
     shown = [(experiment.folder(scene, method, k), None) for k in every]
-    for name in experiment.names("in_loop"):
+    moved = [n for n in experiment.trained() if experiment.moves(n, 0)]
+    for name in dict.fromkeys([*experiment.names("in_loop"), *moved]):
         shown.append((experiment.folder(scene, name, 0), name))
     return [rows.Renders(f"{f}/renders/test", f"{f}/flow/test", m) for f, m in shown]
 

@@ -19,10 +19,10 @@ from alignerf.scenes import cameras, distortion, prepare
 
 # The ways by name, in words. The first that is as good as the best is taken.
 WAYS = {
-    "taken": "as the photos were taken, lens and all",
-    "kept": "undistorted, with the focal length of the photo",
-    "opencv": "undistorted and cropped, as OpenCV does it (gsplat)",
-    "pinhole": "undistorted to the largest picture without a border",
+    "taken": "that of the photos, with distortion",
+    "kept": "undistorted, at the photo's focal length",
+    "opencv": "undistorted and cropped by OpenCV (gsplat)",
+    "pinhole": "undistorted to the largest image without a border",
     "colmap": "undistorted by COLMAP",
 }
 # Flow is looked for in pictures of at most this width; DIS fails under 32 px a side.
