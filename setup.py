@@ -7,6 +7,7 @@ from setuptools.command import build_py
 
 PIPELINE = "alignerf.pipeline"
 DATA = {
+    "alignerf": ["py.typed"],
     "alignerf.kernels": ["*.cc", "*.h"],
     "alignerf.splats": ["*.cc"],
     "alignerf.page": ["**/*.html", "**/*.css", "**/*.js", "vendor/*"],

@@ -25,12 +25,18 @@ and what it asks of a cluster. `processes` lets several processes train one mode
 
 import importlib
 import sys
+from typing import TYPE_CHECKING, Any
 
 from alignerf.io.environment import switches
 
+if TYPE_CHECKING:
+    from alignerf.api.diagnosis import Cause, Report, diagnose
+
+    __version__: str
+
 # What `import alignerf` offers to a program of the user's, imported when it is asked
 # for.
-OFFERED = ("Cause", "Report", "diagnose")
+__all__ = ("Cause", "Report", "__version__", "diagnose")
 
 # Python says so while it looks for the command of `python -m alignerf.train`: before
 # anything imports JAX.
@@ -38,7 +44,8 @@ if sys.argv[:1] == ["-m"]:
     switches.settle()
 
 
-def __getattr__(name):
-    if name not in OFFERED:
+def __getattr__(name: str) -> Any:
+    if name not in __all__:
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-    return getattr(importlib.import_module("alignerf.api.diagnosis"), name)
+    module = "io.version" if name == "__version__" else "api.diagnosis"
+    return getattr(importlib.import_module(f"alignerf.{module}"), name)

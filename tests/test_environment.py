@@ -6,6 +6,9 @@ import tomllib
 from pathlib import Path
 
 import yaml
+from packaging import requirements
+
+import alignerf
 
 ROOT = Path(__file__).resolve().parent.parent
 
@@ -25,11 +28,21 @@ def conda():
     return pins, [entry for entry in found if isinstance(entry, str)]
 
 
+def project():
+    """What pyproject.toml says of the package."""
+    return tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
+
+
+def required(*extras):
+    """What is asked for: by all users, and by these extras."""
+    found = project()["optional-dependencies"]
+    more = [one for extra in extras for one in found[extra]]
+    return [*map(requirements.Requirement, [*project()["dependencies"], *more])]
+
+
 def asked():
     """Names that pyproject.toml lists, for judging, training and developing."""
-    project = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
-    extras = project["optional-dependencies"]
-    return [*project["dependencies"], *extras["train"], *extras["dev"]]
+    return [one.name for one in required("train", "dev")]
 
 
 def canonical(name):
@@ -46,6 +59,25 @@ def test_both_hold_exactly_what_the_project_asks():
     assert {canonical(name) for name in asked()} <= locked().keys()
 
 
+def test_every_dependency_has_a_lower_bound_that_the_lock_meets():
+    extras, lock = project()["optional-dependencies"], locked()
+    for one in required(*extras):
+        if one.name == project()["name"]:
+            assert set(one.extras) <= extras.keys()
+            continue
+        assert [bound.operator for bound in one.specifier] == [">="], one
+        if version := lock.get(canonical(one.name)):
+            assert version in one.specifier, one
+
+
+def test_all_say_the_same_version():
+    """pyproject.toml, CITATION.cff, the first of CHANGELOG.md, and the program."""
+    citation = yaml.safe_load((ROOT / "CITATION.cff").read_text())
+    heads = re.findall(r"^## (.+)$", (ROOT / "CHANGELOG.md").read_text(), re.MULTILINE)
+    assert heads[0] == f"{citation['version']} - {citation['date-released']}"
+    assert alignerf.__version__ == project()["version"] == citation["version"]
+
+
 def test_every_pin_has_a_hash():
     text = (ROOT / "requirements.lock").read_text()
     entries = re.split(r"\n(?=\S)", text.strip())
@@ -55,8 +87,7 @@ def test_every_pin_has_a_hash():
 
 
 def test_python_is_one_that_the_project_supports():
-    project = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
-    least = project["requires-python"].removeprefix(">=")
+    least = project()["requires-python"].removeprefix(">=")
     (python,) = (e for e in conda()[1] if e.startswith("python"))
     assert python == f"python={least}"
 
@@ -80,7 +111,11 @@ def test_all_imports_are_asked_for():
 
 def test_who_judges_installs_no_more_than_that_imports():
     """tests/alignerf/cli/test_light.py judges without what is left out."""
-    project = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
     heavy = {"jax", "flax", "optax", "snakemake", "matplotlib", "beartype"}
-    assert not heavy & set(project["dependencies"])
-    assert "judge" in project["optional-dependencies"]
+    assert not heavy & {one.name for one in required()}
+    assert {one.name for one in required("judge")} == {one.name for one in required()}
+
+
+def test_who_trains_on_a_gpu_installs_what_trains():
+    (train, jax) = project()["optional-dependencies"]["gpu"]
+    assert (train, jax.startswith("jax[cuda12]")) == ("why-blurry[train]", True)

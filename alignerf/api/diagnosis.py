@@ -18,6 +18,7 @@ import sys
 import tempfile
 from collections.abc import Mapping, Sequence
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -99,7 +100,7 @@ def diagnose(
     held_out: indices of arrays' views that the model has not learnt from.
     Raises ValueError, in one line, for input that cannot be judged.
     """
-    given = {"photos": images, "renders": renders}
+    given: dict[str, Any] = {"photos": images, "renders": renders}
     given |= {"cameras": cameras, "depth": depth}
     if not isinstance(images, Files):
         for key, name in (("photos", "images"), ("renders", "renders")):
@@ -117,7 +118,7 @@ def diagnose(
         return report_of(work, paths, cores)
 
 
-def of_files(given, held_out):
+def of_files(given: Mapping[str, Any], held_out: Sequence[int]) -> dict[str, Path]:
     """{name: whole path}."""
     if np.size(held_out):
         raise ValueError("held_out: of arrays; folders say it (renders/train, /test)")
@@ -131,7 +132,7 @@ def of_files(given, held_out):
     }
 
 
-def check_sequence(values, name):
+def check_sequence(values: object, name: str) -> None:
     """ValueError for what is no array and no list of arrays, or is empty."""
     if not isinstance(values, np.ndarray | Sequence) or isinstance(values, str | bytes):
         raise ValueError(f"{name}: arrays or folders were expected")
@@ -139,10 +140,10 @@ def check_sequence(values, name):
         raise ValueError(f"{name}: none were given")
 
 
-def indices(values):
+def indices(values: Any) -> list[int]:
     """A list of whole numbers; truth values would be taken for 0 and 1."""
     try:
-        found = list(values)
+        found: list[Any] = list(values)
     except TypeError:
         found = [None]
     if not all(
@@ -152,7 +153,7 @@ def indices(values):
     return found
 
 
-def floats(values, name):
+def floats(values: object, name: str) -> np.ndarray:
     """A float array of finite numbers; ValueError with its name."""
     try:
         found = np.asarray(values, float)
@@ -163,7 +164,9 @@ def floats(values, name):
     return found
 
 
-def of_arrays(work, given, held_out):
+def of_arrays(
+    work: Path, given: Mapping[str, Any], held_out: Sequence[int]
+) -> dict[str, Path]:
     """The paths of arrays, which are written into a folder."""
     taken, rendered, maps = given["photos"], given["renders"], given["depth"]
     cameras, names = given["cameras"], [f"view{i:04d}" for i in range(len(taken))]
@@ -192,7 +195,7 @@ def of_arrays(work, given, held_out):
     return paths
 
 
-def depth_of(values, where):
+def depth_of(values: object, where: str) -> np.ndarray:
     """[h, w] float32, infinite where far; ValueError with its name."""
     try:
         found = np.asarray(values, np.float32)
@@ -203,7 +206,7 @@ def depth_of(values, where):
     return found
 
 
-def write(path, image, where):
+def write(path: Path, image: object, where: str) -> None:
     """Write a PNG; ValueError, naming the array, for what is no image."""
     image = np.asarray(image)
     shape = image.shape
@@ -214,7 +217,9 @@ def write(path, image, where):
     images.write(path, image)
 
 
-def transforms_of(cameras, names, sizes):
+def transforms_of(
+    cameras: object, names: Sequence[str], sizes: Sequence[tuple[int, int]]
+) -> dict[str, list]:
     """The content of a transforms.json; ValueError naming what a mapping lacks."""
     if not isinstance(cameras, Mapping):
         raise ValueError("cameras: a mapping was expected, as images are arrays")
@@ -248,12 +253,12 @@ def transforms_of(cameras, names, sizes):
     return {"frames": frames}
 
 
-def run(work, command, *words, cores):
+def run(work: Path, command: str, *words: str, cores: int | None) -> None:
     """Run a command of ours in a folder; its fault as ValueError."""
     path = [str(provenance.ROOT), os.environ.get("PYTHONPATH", "")]
-    command = [sys.executable, "-m", f"alignerf.cli.{command}"]
+    module = [sys.executable, "-m", f"alignerf.cli.{command}"]
     done = subprocess.run(
-        [*command, "--cores", str(cores or machine.cores()), *words],
+        [*module, "--cores", str(cores or machine.cores()), *words],
         cwd=work,
         env=os.environ | {"PYTHONPATH": os.pathsep.join(filter(None, path))},
         stdin=subprocess.DEVNULL,
@@ -268,7 +273,7 @@ def run(work, command, *words, cores):
         raise ValueError(last.removeprefix("error: ").replace(f"{work}{os.sep}", ""))
 
 
-def report_of(work, paths, cores):
+def report_of(work: Path, paths: Mapping[str, Path], cores: int | None) -> Report:
     """The `Report` of results in a folder."""
     at = work / layout.Scene(NAME)
     found = json_files.read(at / "verdict.json")
@@ -306,7 +311,7 @@ def report_of(work, paths, cores):
     )
 
 
-def cameras_of(path, folder):
+def cameras_of(path: Path, folder: Path) -> dict[str, Any]:
     """The cameras of a file or folder that photos of a folder have, by their names."""
     taken, cameras = views.taken(folder, path)
     found, names = cameras.lenses, sorted(taken)
