@@ -1,7 +1,7 @@
 """The registry of methods: one file each, which holds one record called METHOD.
 
 All else asks the record of a method (`base.Method`), never its name. Other packages add
-records by the entry points `alignerf.methods`; see docs/develop/extending.md.
+records by the entry points `alignerf.methods`; see CONTRIBUTING.md.
 """
 
 import functools

@@ -28,7 +28,8 @@ LINK = re.compile(r"\]\(([^)\s]+)\)")
 @pytest.fixture(scope="module")
 def pages(root):
     """Path -> text of all that a user reads."""
-    paths = [*root.glob("docs/**/*.md"), root / "README.md", root / "results/README.md"]
+    beside = ("README.md", "CONTRIBUTING.md", "results/README.md")
+    paths = [*root.glob("docs/**/*.md"), *(root / name for name in beside)]
     return {path: path.read_text() for path in paths}
 
 
@@ -62,7 +63,7 @@ def test_a_changed_value_is_named_and_then_written(copy, capsys):
     assert tables.main([*arguments, "--check"]) == 0
 
 
-def test_every_csv_is_shown_and_every_table_told(root, pages):
+def test_every_table_is_of_a_csv_and_told(root, pages):
     specs = yaml.safe_load((root / tables.MEASURED / "tables.yaml").read_text())
     marks = [mark for text in pages.values() for mark in tables.MARK.findall(text)]
     shown = {name for _, kind, name, *_ in marks if kind == "table"}
@@ -70,7 +71,7 @@ def test_every_csv_is_shown_and_every_table_told(root, pages):
     listed = {name for _, kind, name, *_ in marks if kind == "columns"}
     assert listed == {*columns.TABLES, "test_sets"}
     used = {specs[name].get("csv", name) for name in shown}
-    assert used == {path.stem for path in (root / tables.MEASURED).glob("*.csv")}
+    assert used <= {path.stem for path in (root / tables.MEASURED).glob("*.csv")}
 
 
 def test_every_list_of_the_program_is_in_the_reference(pages):

@@ -115,7 +115,6 @@ def test_the_page_on_the_method_reads_the_verdict_as_it_is(page_of):
         ("README.md", "make run #"),
         ("docs/evidence/demo.md", "Cost: "),
         ("docs/start.md", "the demo: "),
-        ("docs/develop/cluster.md", "`make run` takes"),
         ("workflow/config/demo.yaml", "Cost: "),
     ],
 )

@@ -2,7 +2,7 @@
 
 A package names its objects under `alignerf.captures`, `alignerf.methods`,
 `alignerf.causes`, `alignerf.test_sets`, `alignerf.systems` or `alignerf.estimators`;
-docs/develop/extending.md shows one of each.
+CONTRIBUTING.md shows one of each.
 """
 
 import functools
