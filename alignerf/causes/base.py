@@ -148,6 +148,7 @@ class Cause:
     nothing where this run has tried that in vain. advice_external: as advice, where
     another program was trained; {export} writes corrected photos and cameras.
     seen_by_points: what is only probable counts also where photos are too few.
+    page: below docs/, what to do about it.
     order: its places, among gauges; among what is named, the gravest first; and among
     what to do, first what a longer training, or work at the desk, cures.
     """
@@ -173,6 +174,7 @@ class Cause:
     says: Callable | None = None
     seen_by_points: bool = False
     order: tuple = (100, 100, 100)
+    page: str = "howto/verdict.md#what-to-do"
 
     def find(self, e):
         """The `Finding` where an Evidence has this cause, else None."""

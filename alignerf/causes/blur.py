@@ -8,6 +8,7 @@ BLURRED_DETAIL, BLURRED_VIEWS = 0.6, 0.05
 
 CAUSE = base.Cause(
     name="blurred",
+    page="howto/fix.md#too-few-blurred-uneven-photos",
     order=(5, 8, 4),
     label="blurred photos",
     unit="%",

@@ -160,6 +160,7 @@ def stands(e):
 
 CAUSE = base.Cause(
     name="camera",
+    page="howto/fix.md#poses-are-off",
     order=(1, 5.2, 6),
     label="camera poses",
     unit="px",

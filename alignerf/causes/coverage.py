@@ -29,6 +29,7 @@ def sparse(e):
 
 SPARSE = base.Cause(
     name="sparse",
+    page="howto/fix.md#too-few-blurred-uneven-photos",
     order=(7, 4, 8),
     label="gap of held-out photos",
     unit="dB",
@@ -67,6 +68,7 @@ def counted(e, probably):
 
 FEW_VIEWS = base.Cause(
     name="few_views",
+    page="howto/fix.md#too-few-blurred-uneven-photos",
     order=(8, 2, 10),
     label="number of photos",
     unit="photos",
@@ -89,6 +91,7 @@ def unregistered(e):
 
 UNREGISTERED = base.Cause(
     name="unregistered",
+    page="howto/fix.md#too-few-blurred-uneven-photos",
     order=(9, 3, 9),
     label="photos registered by COLMAP",
     unit="% left out",

@@ -31,6 +31,7 @@ def shown(e):
 
 CHANGES = base.Cause(
     name="exposure",
+    page="howto/fix.md#too-few-blurred-uneven-photos",
     order=(6, 9, 5),
     label="exposure",
     unit="stops",

@@ -26,6 +26,7 @@ def advise(e, gains):
 
 CAUSE = base.Cause(
     name="motion",
+    page="howto/fix.md#something-moved",
     order=(2, 11, 7),
     label="things that moved",
     unit="%",

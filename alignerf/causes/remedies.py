@@ -51,9 +51,7 @@ def advise(e, gains, *, only_paying=False):
     best = max(tried, key=lambda gain: (pays(e, gain), gain.db))
     if best.cameras_moved == 0:
         # Nothing is gained by cameras that are those given.
-        return (
-            f"leave the cameras as they are: {best.method} found none to move."
-        )
+        return f"leave the cameras as they are: {best.method} found none to move."
     if pays(e, best):
         return (
             f"train with the cameras that {best.method} has corrected: "

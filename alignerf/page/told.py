@@ -87,7 +87,11 @@ def fixes(tried):
             one
             | {
                 "kind": "ok" if one["pays"] else "faulty" if significant else "unclear",
-                "sign": "\u2713" if one["pays"] else "\u2715" if significant else "\u2013",
+                "sign": "\u2713"
+                if one["pays"]
+                else "\u2715"
+                if significant
+                else "\u2013",
                 "notes": [*apart, *one["notes"]],
                 "start": at(min(one["db"], 0)),
                 "width": at(max(one["db"], 0)) - at(min(one["db"], 0)),

@@ -136,9 +136,7 @@ def advise(e, findings, gains=()):
     if e.judged:
         return of_judged_alignment(e)
     if remedies.warped_in_vain(e, gains):
-        return (
-            "leave the photos as they are: warping them brought no significant gain."
-        )
+        return "leave the photos as they are: warping them brought no significant gain."
     misaligned = shift.misaligned(e)
     if tried := remedies.advise(e, gains, only_paying=not misaligned):
         return tried
@@ -160,7 +158,9 @@ def of_judged_alignment(e):
     if shift.misaligned(e):
         return with_export(e, motion.CAUSE.advice_external)
     if not shift.tells(e):
-        return "render larger images: at this size a misalignment is too small to be seen."
+        return (
+            "render larger images: at this size a misalignment is too small to be seen."
+        )
     if coverage.SPARSE.find(e):
         return coverage.SPARSE.advice_external
     return (
@@ -214,7 +214,7 @@ def took_s(gain):
 
 
 def gauge(cause, e, findings, spoilt=None):
-    """{cause, name, level, value, limit, unit, measured, allowed, note, text}.
+    """{cause, name, level, value, limit, unit, measured, allowed, note, page, text}.
 
     level: `faulty` or `likely` where it is named, `ok`, or `cannot tell`, as where
     another cause explains what would show it.
@@ -249,6 +249,7 @@ def gauge(cause, e, findings, spoilt=None):
         "measured": measured,
         "allowed": allowed,
         "note": note,
+        "page": cause.page,
         "text": f"{cause.label} ({note if level == UNKNOWN else said})",
     }
 

@@ -32,20 +32,20 @@ def soft(patched):
 def test_a_cause_is_named_said_advised_on_and_shown(soft, e):
     told, reached = soft
     assert reached
-    levels = {"0.8": "not seen", "0.5": "likely", "0.3": "sure"}
+    levels = {"0.8": "ok", "0.5": "likely", "0.3": "faulty"}
     for value, level in levels.items():
         found = told[f"{e} {value}"]
         gauge = found["gauges"][-1]
         assert (gauge["name"], gauge["level"]) == ("detail of all photos", level)
         # More is better.
-        assert (gauge["filled"] > 0.5) == (level != "not seen")
-        assert ("soft" in found["headline"]) == (level != "not seen")
+        assert (gauge["filled"] > 0.5) == (level != "ok")
+        assert ("soft" in found["headline"]) == (level != "ok")
         assert found["state"] == "aligned"
-        if level == "not seen":
+        if level == "ok":
             assert not found["findings"]
             continue
         (finding,) = found["findings"]
-        wanted = {"cause": "soft", "size": float(value), "sure": level == "sure"}
+        wanted = {"cause": "soft", "size": float(value), "sure": level == "faulty"}
         assert finding == wanted
         assert f"{float(value):.2f} of their renders' detail" in found["because"][0]
         words = "enlarged" if e == "ours" else "as they were taken"

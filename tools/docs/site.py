@@ -20,6 +20,7 @@ from alignerf.io import atomic, faults
 GENERATOR = "properdocs"
 # Where the demo's page lies in the site, and where pages name it.
 DEMO, MARK = "demo/index.html", "<!-- demo -->"
+PAGE = re.compile(r'href="[./]*/docs/([\w/]+)\.md(#[\w-]+)?"')
 LINK = re.compile(r'<a href="(?![a-z]+:|#)([^"#?]+)"')
 
 
@@ -58,7 +59,8 @@ def add_demo(page, docs):
         if source.is_relative_to(page.parent.resolve()) and source.is_file():
             (to.parent / name).parent.mkdir(parents=True, exist_ok=True)
             shutil.copy(source, to.parent / name)
-    to.write_text(text, encoding="utf-8")
+    # Pages lie beside it here, as folders of the site.
+    to.write_text(PAGE.sub(r'href="../\1/\2"', text), encoding="utf-8")
     for path in docs.rglob("*.md"):
         shown = path.read_text(encoding="utf-8")
         link = Path(os.path.relpath(to, path.parent)).as_posix()

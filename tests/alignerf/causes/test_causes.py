@@ -220,7 +220,6 @@ def test_what_the_camera_s_sentence_is_of():
     """The same number as the headline's, in px of the photo."""
     for changes, px in (
         (FAULTS["camera"], "2.4 px"),
-        (FAULTS["camera"] | {"perturb_px": 1.5}, "3.0 px"),
         (FAULTS["camera"] | {"crops": APART}, "0.68 px"),
         (SPARSE | {"reprojection_px": 1.7}, "3.4 px"),
         ({"matches": ACCEPTED}, "1.5 px"),

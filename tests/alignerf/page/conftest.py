@@ -186,25 +186,33 @@ def causes(results):
             "command": "make photos <x>",
         },
         "tried": [
-            {"text": "aligned: +1.2 dB", "pays": True, "db": 1.2, "method": "aligned"},
-            {"text": "warped: -0.4 dB", "pays": False, "db": -0.4, "method": "base"},
+            fix("aligned", 1.2, pays=True, matches="2.66 -> 0.50 px"),
+            fix("warped", -0.4, notes=["no <gain>"]),
         ],
         "measured": ["Photo and render are 2.3 px apart."],
         "causes": [
-            cause("camera", "sure", 2.2, 0.4, "px"),
-            cause("exposure", "not seen", 0.03, 0.06, "stops"),
-            cause("undertrained", "not seen", 4.0, 0.5, "epochs", "4, 0.5 are enough"),
-            cause("few_views", "not seen", 0.0, 0.0, "too few", "48, 12 are enough"),
-            cause("lens_shift", "untold", None, 0.08, "px"),
+            cause("camera", "faulty", 2.2, 0.4, "px"),
+            cause("exposure", "ok", 0.03, 0.06, "stops"),
+            cause("undertrained", "ok", 4.0, 0.5, "epochs", more_is_better=True),
+            cause("copies", "ok", 0.0, 0.0, "photos"),
+            cause("lens_shift", "cannot tell", None, 0.08, "px"),
         ],
     }
     path.write_text(json.dumps(told))
     return told
 
 
-def cause(name, level, value, limit, unit, says=None):
+def cause(name, level, value, limit, unit, more_is_better=False):
     """A cause as a verdict tells it."""
-    words = says or f"{value} of {limit} {unit}"
     told = {"cause": name, "name": f"{name}'s name", "level": level, "unit": unit}
-    more = {"value": value, "limit": limit, "text": f"{name}'s name ({words})"}
-    return told | more
+    told |= {"value": value, "limit": limit, "more_is_better": more_is_better}
+    told |= {"measured": f"{value} {unit}", "allowed": f"up to {limit}", "note": ""}
+    told["page"] = "howto/fix.md#poses-are-off"
+    return told | {"text": f"{name}'s name ({value} {unit})"}
+
+
+def fix(name, db, *, pays=False, notes=(), matches=""):
+    """A fix that was tried, as a verdict tells it."""
+    told = {"name": name, "method": name, "db": db, "low": db - 0.3, "high": db + 0.3}
+    told |= {"pays": pays, "notes": [*notes], "matches": matches, "seconds": 40}
+    return told | {"test_set": "oracle", "text": f"{name}: {db:+.1f} dB"}

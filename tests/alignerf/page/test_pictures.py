@@ -179,5 +179,5 @@ def test_captions_follow_the_layer_and_say_how_sharp_it_is(rng):
     one.layers["render"] = lambda: soft
     found = photos.captions(one, photo_px=4.0)
     assert found["render"].startswith("render by base, 2.0 px from the photo, ")
-    assert "50 % of the photo's fine detail" in found["render"]
+    assert "50 % of the photo's sharpness" in found["render"]
     assert set(found) == {"photo", "render"}

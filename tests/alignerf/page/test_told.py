@@ -3,45 +3,64 @@
 import pytest
 
 from alignerf.page import told
+from alignerf.verdict import report
 from tests.alignerf.page import conftest as cases
 
 
-def gauge(value, limit, level, name="camera", unit="px", says=None):
-    return told.gauge(cases.cause(name, level, value, limit, unit, says))
+def gauge(value, limit, level, **more):
+    return told.gauge(cases.cause("camera", level, value, limit, "px", **more))
 
 
 @pytest.mark.parametrize(
-    ("name", "value", "limit", "filled"),
+    ("more_is_better", "value", "limit", "filled", "clipped"),
     [
-        ("camera", 0.4, 0.4, 0.5),
-        ("camera", 0.2, 0.4, 0.25),
-        ("camera", 0.6, 0.4, 0.75),
-        ("camera", 9.0, 0.4, 1.0),
-        ("camera", 0.0, 0.4, 0.0),
-        # More is better: half full where it is the limit.
-        ("undertrained", 4.0, 0.5, 0.0625),
-        ("undertrained", 0.5, 0.5, 0.5),
-        ("undertrained", 0.1, 0.5, 1.0),
-        ("undertrained", 0.0, 0.5, 1.0),
+        (False, 0.4, 0.4, 0.5, False),
+        (False, 0.2, 0.4, 0.25, False),
+        (False, 0.6, 0.4, 0.75, False),
+        (False, 9.0, 0.4, 1.0, True),
+        # Seen, although nothing was found.
+        (False, 0.0, 0.4, told.LEAST, False),
+        # Longer is worse here, too.
+        (True, 4.0, 0.5, 0.0625, False),
+        (True, 0.5, 0.5, 0.5, False),
+        (True, 0.1, 0.5, 1.0, True),
+        (True, 0.0, 0.5, 1.0, True),
         # Where none is right.
-        ("swapped", 1, 0, 1.0),
-        ("swapped", 0, 0, 0.0),
+        (False, 1, 0, 1.0, True),
     ],
 )
-def test_a_gauge_is_half_full_at_its_limit(name, value, limit, filled):
-    assert gauge(value, limit, "likely", name)["filled"] == pytest.approx(filled)
+def test_a_bar_is_half_full_at_its_limit(more_is_better, value, limit, filled, clipped):
+    found = gauge(value, limit, "likely", more_is_better=more_is_better)
+    assert found["filled"] == pytest.approx(filled)
+    assert found["clipped"] == clipped
 
 
-def test_what_cannot_be_told_has_no_length():
-    for value, level in ((None, "not seen"), (0.2, "untold")):
-        assert gauge(value, 0.4, level)["filled"] is None
+@pytest.mark.parametrize(
+    ("value", "limit", "level"),
+    [(None, 0.4, "ok"), (0.2, 0.4, "cannot tell"), (0, 0, "ok")],
+)
+def test_what_cannot_be_told_has_no_bar(value, limit, level):
+    assert gauge(value, limit, level)["filled"] is None
 
 
-def test_the_numbers_say_where_it_is_fine_or_are_the_cause_s_own_words():
-    assert gauge(2.2, 0.4, "sure")["numbers"] == "2.2 px (fine: up to 0.4)"
-    assert gauge(0, 0, "not seen", unit="swapped")["numbers"] == "0 swapped"
-    own = gauge(0, 0, "not seen", "few_views", "too few", "48, 12 are enough")
-    assert own["numbers"] == "48, 12 are enough"
+def test_each_level_has_a_sign_of_its_own():
+    signs = {gauge(1, 1, level)["sign"] for level in report.LEVELS}
+    assert len(signs) == len(report.LEVELS) == 4
+
+
+def test_bars_of_fixes_share_a_scale_with_a_zero():
+    found = told.fixes([cases.fix("a", 1.2, pays=True), cases.fix("b", -0.5)])
+    first, second = found["rows"]
+    # From -0.8 to 1.5 dB.
+    assert found["zero"] == pytest.approx(100 * 0.8 / 2.3)
+    assert (first["start"], first["width"]) == pytest.approx((34.78, 52.17), abs=0.01)
+    assert second["start"] + second["width"] == pytest.approx(found["zero"])
+    assert (first["kind"], second["kind"]) == ("ok", "faulty")
+    unclear = told.fixes([cases.fix("c", 0.1)])["rows"][0]
+    assert (unclear["kind"], unclear["sign"]) == ("unclear", "\u2013")
+    assert told.fixes([]) is None
+    nothing = told.fixes([cases.fix("d", 0.0) | {"low": 0.0, "high": 0.0}])
+    assert nothing["rows"][0]["width"] == 0
 
 
 def test_a_command_stands_once(results, causes):
@@ -59,8 +78,8 @@ def test_a_summary_has_what_to_do_and_what_is_fine(results, causes):
         "    make photos <x>",
     ]
     assert "Tried: warped: -0.4 dB" in lines
-    assert "Sure: camera's name 2.2 px (fine: up to 0.4)" in lines
-    assert "Untold: lens_shift's name" in lines
+    assert "Faulty: camera's name (2.2 px)" in lines
+    assert "Cannot tell: lens_shift's name (None px)" in lines
     assert lines[-1] == "For other programs: make x"
 
 
