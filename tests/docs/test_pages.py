@@ -63,7 +63,7 @@ def test_a_changed_value_is_named_and_then_written(copy, capsys):
     assert tables.main([*arguments, "--check"]) == 0
 
 
-def test_every_table_is_of_a_csv_and_told(root, pages):
+def test_every_table_that_is_told_is_shown(root, pages):
     specs = yaml.safe_load((root / tables.MEASURED / "tables.yaml").read_text())
     marks = [mark for text in pages.values() for mark in tables.MARK.findall(text)]
     shown = {name for _, kind, name, *_ in marks if kind == "table"}
@@ -123,6 +123,15 @@ def test_a_column_that_is_not_there_is_named(root, tmp_path):
     path.write_text("# commit: 0\na\n1\n")
     with pytest.raises(ValueError, match=r"some\.csv: .*absent"):
         tables.table(path, {"heading": "{absent}"})
+
+
+def test_a_table_shows_the_rows_that_are_asked_for(tmp_path):
+    path = tmp_path / "some.csv"
+    path.write_text("a,b\n1,x\n2,y\n3,x\n")
+    shown = tables.table(path, {"a": "{a}"}, where={"b": ["x"], "a": [2, 3]})
+    assert shown.splitlines()[2:] == ["| 3 |"]
+    with pytest.raises(ValueError, match=r"some\.csv: no b z"):
+        tables.table(path, {"a": "{a}"}, where={"b": ["z"]})
 
 
 def test_readme_is_short_and_lines_are_narrow(root, pages):

@@ -65,8 +65,105 @@ def test_the_page_says_how_often_verdicts_were_right(root, page_of):
         assert f"{name} {right} of {of}" in readme
 
 
+def test_the_page_on_verdicts_counts_as_its_tables_do(root, page_of):
+    text = page_of("docs/evidence/verdict.md")
+    table = pd.read_csv(root / "docs/measured/verdicts.csv", comment="#")
+    table = table[table["capture"] == "all"].set_index("read_as")
+    renders, ours = table.loc["its renders"], table.loc["our training"]
+    for said in (
+        f"first in {renders['first']} of {renders.first_of} verdicts on renders",
+        f"({renders.first_low} to {renders.first_high} %)",
+        f"in {ours['first']} of {ours.first_of} on trainings of ours",
+        f"({ours.first_low} to {ours.first_high} %)",
+        f"names {renders.false_each:.2f} and {ours.false_each:.2f} false causes",
+        f"All {renders.cases} cases are variants of these six; {ours.cases} of them",
+        f"nothing is named in {renders.quiet} of {renders.quiet_of} trainings",
+    ):
+        assert said in text
+
+
+def test_faults_that_always_come_first_are_those_without_a_row(root, page_of):
+    """Their counts stand in a sentence, those of the others in the table."""
+    text = page_of("docs/evidence/verdict.md")
+    table = pd.read_csv(root / "docs/measured/verdict_faults.csv", comment="#")
+    table = table[table["strong"] > 0].set_index("fault")
+    said = text[text.index("Always first: ") : text.index("The others, with")]
+    listed = {
+        "poses": "poses",
+        "focal length": "focal",
+        "blur": "blur",
+        "exposure": "exposure",
+        "order of cameras": "order",
+        "mirrored photos": "mirrored photos",
+        "gamma": "gamma",
+        "shifted renders": "shift",
+        "size": "size",
+        "floaters": "floaters",
+        "exposure with distortion": "exposure and distortion",
+        "white balance": "white balance",
+        "next render": "next render",
+        "gain with poses": "gain and poses",
+        "copied photos": "copies",
+    }
+    found = {}
+    for names, count in re.findall(r"([a-z ,]+) \((\d+)(?: each)?\)", said):
+        for name in re.split(r", | and ", names.strip(", ")):
+            found[listed[name]] = int(count)
+    perfect = table[(table["first"] == table["strong"]) & (table["missed"] == 0)]
+    assert found == perfect["strong"].to_dict()
+    for name in table.index.difference(perfect.index):
+        assert f"| {name} | {table['first'][name]} of {table['strong'][name]} |" in text
+
+
+def test_sizes_that_are_not_shown_give_the_verdict_of_the_smallest(root):
+    table = pd.read_csv(root / "docs/measured/windows.csv", comment="#")
+    others = {
+        (capture, width)
+        for (capture, _), own in table.groupby(["capture", "poses"])
+        for width, verdict in zip(own["trained_px"], own["verdict"], strict=True)
+        if verdict != own.sort_values("trained_px")["verdict"].iloc[0]
+    }
+    assert others == {("castle_P30", 512)}
+
+
+def test_pairs_that_are_rejected_are_those_measured(root, page_of):
+    table = pd.read_csv(root / "docs/measured/pairs.csv", comment="#")
+    table = table.set_index("renders")
+    rejected = table[table["named"] == table["pairs"]]["pairs"]
+    other = rejected.pop("of another capture")
+    kept = table[table["named"] == 0]["pairs"]
+    assert len(rejected) + len(kept) + 1 == len(table) == 11
+    (every,) = {*rejected} | {*kept.drop("trained")}
+    text = page_of("docs/evidence/verdict.md")
+    assert f"({every} each), or of another capture ({other})" in text
+    assert (
+        f"None are of {kept['trained']} trained renders, nor of {every} photos" in text
+    )
+
+
+def test_verdicts_on_splats_are_counted_as_measured(root, page_of):
+    table = pd.read_csv(root / "docs/measured/splat_verdicts.csv", comment="#")
+    text = page_of("docs/evidence/splats.md")
+    right = table["right"] == "yes"
+    assert f"nothing else, for {right.sum()} of {len(table)} splats" in text
+    cells = re.findall(r"\| (\d) of (\d) (?=\|)", text)
+    assert sum(int(one) for one, _ in cells) == right.sum()
+    assert sum(int(of) for _, of in cells) == len(table)
+
+
+def test_hours_of_the_paper_s_tables_are_those_computed(page_of, measured):
+    text = page_of("docs/evidence/costs.md")
+    for number in (2, 3):
+        hours, dollars = (
+            measured("clusters", column, table=number, system="all")
+            for column in ("gpu_h", "usd")
+        )
+        said = f"Table {number}: {hours:,.0f} GPU hours, {dollars:,.0f} dollars"
+        assert said in text
+
+
 def test_pages_quote_the_same_gains(page_of, measured):
-    brought = r"it brought ([\d.]+) dB in the seconds of one training, ([\d.]+) dB in"
+    brought = r"brought ([\d.]+) dB at the time of one training, ([\d.]+) dB at that"
     found = re.findall(brought, page_of("docs/evidence/verdict.md"))
     way = {"scene": BOTH, "method": AUTO}
     wanted = [measured("in_loop", "equal_db", share=n, **way) for n in (1, 2)]

@@ -100,14 +100,24 @@ def of_csv(name, root):
     if name not in specs:
         raise ValueError(f"{MEASURED}/tables.yaml: no table {name}")
     cells = dict(specs[name])
-    return table(root / MEASURED / f"{cells.pop('csv', name)}.csv", cells)
+    path = root / MEASURED / f"{cells.pop('csv', name)}.csv"
+    return table(path, cells, where=cells.pop("where", {}))
 
 
-def table(path, columns):
-    """A Markdown table of a CSV; columns: heading -> template or list of templates."""
+def table(path, columns, where=None):
+    """A Markdown table of a CSV; columns: heading -> template or list of templates.
+
+    where: {column: values that rows need there}; other rows are left out.
+    """
     rows = pd.read_csv(path, comment="#", dtype=str, keep_default_na=False)
+    shown = rows
+    for name, values in (where or {}).items():
+        values = [*map(str, values)]
+        if missing := {*values} - {*rows[name]}:
+            raise ValueError(f"{path}: no {name} {', '.join(sorted(missing))}")
+        shown = shown[shown[name].isin(values)]
     lines = [list(columns), ["---"] * len(columns)]
-    for row in rows.to_dict("records"):
+    for row in shown.to_dict("records"):
         try:
             lines.append([cell(templates, row) for templates in columns.values()])
         except (KeyError, ValueError) as error:
