@@ -137,7 +137,8 @@ def test_pairs_that_are_rejected_are_those_measured(root, page_of):
     text = page_of("docs/evidence/verdict.md")
     assert f"({every} each), or of another capture ({other})" in text
     assert (
-        f"None are of {kept['trained']} trained renders, nor of {every} photos" in text
+        f"rejects none of {kept['trained']} trained renders, nor of {every} photos"
+        in text
     )
 
 
