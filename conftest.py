@@ -117,8 +117,8 @@ def rng():
 
 @pytest.fixture
 def demo():
-    """The default config, as it stands in its file."""
-    return yaml.safe_load((ROOT / "workflow/config/demo.yaml").read_text())
+    """A config with two models, rounds and every fix."""
+    return yaml.safe_load((ROOT / "tests/config.yaml").read_text())
 
 
 @pytest.fixture(scope="session")

@@ -108,6 +108,8 @@ def imports(path):
         modules += [f"{package}.{one.stem}" for one in path.parent.glob("*.py")]
     while todo:
         node = todo.pop()
+        if getattr(getattr(node, "test", None), "id", "") == "TYPE_CHECKING":
+            continue
         if isinstance(node, ast.Import):
             modules += [alias.name for alias in node.names]
         elif isinstance(node, ast.ImportFrom) and node.level == 0:

@@ -10,9 +10,8 @@ from typing import NamedTuple
 
 import pandas as pd
 
-import alignerf
 from alignerf.experiment import decisions as decided
-from alignerf.io import csv_files, faults, json_files, machine, yaml_files
+from alignerf.io import csv_files, faults, json_files, machine, version, yaml_files
 from alignerf.scenes import prepared
 from alignerf.scenes.external import geometry
 from alignerf.tables import columns, scores
@@ -143,7 +142,7 @@ def origin(folder, export):
     made = datetime.fromtimestamp((folder / "verdict.json").stat().st_mtime, UTC)
     given = own.get("path") or own.get("images") or f"the embedded {scene}"
     return [
-        ("why-blurry", alignerf.__version__),
+        ("why-blurry", version.__version__),
         ("on", f"{made:%Y-%m-%d %H:%M} UTC"),
         ("command", command),
         ("input", given),

@@ -12,7 +12,7 @@ from alignerf.experiment import check, plan, sources, targets
 from alignerf.experiment.tables import rows
 
 def checked(its):
-    config = yaml.safe_load(open("workflow/config/demo.yaml"))
+    config = yaml.safe_load(open("tests/config.yaml"))
     config["methods"] = {"plain": {}, "its": {"corrected": its}}
     return check.checked(config | {"reference": {"method": "plain"}})
 
@@ -43,7 +43,7 @@ from alignerf import methods
 from tests.alignerf.methods import test_every_method as every
 
 (record,) = (one for one in methods.every() if one.key == "corrected")
-demo = yaml.safe_load(open("workflow/config/demo.yaml"))
+demo = yaml.safe_load(open("tests/config.yaml"))
 experiment = every.experiment_with(demo, record)
 every.check_keys(record)
 for name in ("label", "moves", "test_set", "cost", "part"):
