@@ -320,20 +320,24 @@ def test_gains_are_of_as_many_steps_and_of_as_many_seconds():
 @pytest.mark.parametrize(
     ("paper_db", "low", "high", "word"),
     [
-        (0.2, 0.1, 0.3, "reproduced in kind"),
-        (-0.2, -0.3, -0.1, "reproduced in kind"),
-        (0.2, -0.1, 0.3, "not reproduced"),
-        (0.2, -0.3, -0.1, "not reproduced: the opposite"),
+        (0.2, 0.1, 0.3, "yes"),
+        (-0.2, -0.3, -0.1, "yes"),
+        (0.2, -0.1, 0.3, "no"),
+        (0.2, -0.3, -0.1, "no: the opposite"),
     ],
 )
 def test_an_effect_is_reproduced_where_its_interval_says_so(paper_db, low, high, word):
     row = {"paper_db": paper_db, "warped_low_db": low, "warped_high_db": high}
-    assert reproduction.word_of(row) == "not run"
+    assert reproduction.reproduced(row) == "not run"
     row |= {"warped_db": (low + high) / 2}
-    assert reproduction.word_of(row) == word
+    assert reproduction.reproduced(row) == word
     # The truth comes first.
     truth = {"oracle_db": 0.0, "oracle_low_db": -1.0, "oracle_high_db": 1.0}
-    assert reproduction.word_of(row | truth) == "not reproduced"
+    assert reproduction.reproduced(row | truth) == "no"
+    truth = {f"oracle_{name}": paper_db for name in ("db", "low_db", "high_db")}
+    assert reproduction.reproduced(row | truth) == (
+        "yes" if word == "yes" else "partly"
+    )
     for effect in reproduction.EFFECTS:
         assert len(effect.paper) == 4
         assert len(effect.ours) == 4
