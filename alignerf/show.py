@@ -90,7 +90,7 @@ def below_baseline(table, staged):
                 f"{row.steps:.0f} steps.\n"
                 "  It trains on patches, which teach less a step than rays from "
                 "everywhere. On courtyard it pays from 8000 steps on, dilated patches "
-                "sooner: docs/reproduction.md"
+                "sooner: docs/evidence/reproduction.md"
             )
 
 

@@ -5,7 +5,7 @@ and the facts behind it. A config with `decide: true` takes the decisions for al
 that it leaves out.
 
 Notation: lengths are in units of the largest camera coordinate, as `near` is. The
-constants were chosen on courtyard, seed 1, and fox; docs/evidence/decided.md shows what
+constants were chosen on courtyard, seed 1, and fox; docs/evidence/fixes.md shows what
 they bring on other scenes.
 """
 

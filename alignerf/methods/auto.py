@@ -6,7 +6,7 @@ from alignerf.experiment import jobs
 from alignerf.experiment.keys.key import key
 from alignerf.methods import align, pose_optimization
 
-# Chosen on seeds of the courtyard that no table shows (docs/evidence/remedies.md).
+# Chosen on validation seeds of the courtyard (docs/measured/learnt_choices.csv).
 # Flow takes what is large at once; what it leaves is learnt from colours. Photos warped
 # besides brought nothing.
 LEARNS = pose_optimization.PoseOptimization()

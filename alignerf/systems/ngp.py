@@ -2,7 +2,7 @@
 
 The grid's rows and two small networks say what a point is like. Its own sampler marches
 through a grid of what is occupied; here proposals find the samples, as in mip-NeRF 360
-(docs/evidence/systems.md says why). The loss is Huber's.
+(docs/evidence/reproduction.md says why). The loss is Huber's.
 """
 
 from typing import ClassVar, Literal

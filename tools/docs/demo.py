@@ -1,6 +1,6 @@
 """Take a run of the demo into docs/: `python -m tools.docs.demo results/courtyard`.
 
-Writes its tables into docs/measured, its figures and the picture of its page into
+Writes its table into docs/measured, a figure and the picture of its page into
 docs/pictures, and its verdict into docs/outputs. Then `make docs`. What pages say of
 the run in words is to be read again.
 """
@@ -21,13 +21,8 @@ MACHINE = (
 )
 # As the tables of docs/ call rows.
 NAMES = {"aligned": "aligned (in the loop)", "alignerf": "alignerf (derivative bank)"}
-# Quantities of docs/measured/controls.csv.
-CONTROLS = (
-    *("gain", "pixel_choice", "resampling", "overfit", "remains", "crossfit"),
-    *("oracle_offset", "oracle_gain", "pose_gain", "pose_overfit"),
-)
 SETS = ("standard", "warped", "control", "oracle")
-FIGURES, WIDEST_PX = ("rounds", "crops"), 1600
+WIDEST_PX = 1600
 
 
 def main(argv=None):
@@ -39,21 +34,15 @@ def main(argv=None):
         f"# machine: {args.machine}\n# command: make run\n"
         f"# measured: {datetime.date.today()}\n"
     )
-    made = {
-        "misalignment": misalignment(pd.read_csv(tables / "misalignment.csv")),
-        "controls": controls(pd.read_csv(tables / "controls.csv")),
-        "ranking": ranking(pd.read_csv(tables / "ranking.csv")),
-    }
-    for name, table in made.items():
-        text = table.to_csv(index=False, float_format="%.2f", lineterminator="\n")
-        (args.root / "docs" / "measured" / f"{name}.csv").write_text(header + text)
-    for name in FIGURES:
-        picture = args.root / "docs" / "pictures" / f"courtyard_{name}.png"
-        with Image.open(args.scene / "figures" / f"{name}.png") as image:
-            image = image.convert("RGB")
-        # As wide as a page shows it: a third of the bytes.
-        image.thumbnail((WIDEST_PX, WIDEST_PX))
-        image.save(picture, optimize=True)
+    table = misalignment(pd.read_csv(tables / "misalignment.csv"))
+    text = table.to_csv(index=False, float_format="%.2f", lineterminator="\n")
+    (args.root / "docs" / "measured" / "misalignment.csv").write_text(header + text)
+    picture = args.root / "docs" / "pictures" / "courtyard_rounds.png"
+    with Image.open(args.scene / "figures" / "rounds.png") as image:
+        image = image.convert("RGB")
+    # As wide as a page shows it: a third of the bytes.
+    image.thumbnail((WIDEST_PX, WIDEST_PX))
+    image.save(picture, optimize=True)
     page = str(args.scene / "index.html")
     screenshot.main([page, "--root", str(args.root)])
 
@@ -76,24 +65,10 @@ def misalignment(table):
     return rows.assign(method=rows["method"].replace(NAMES))
 
 
-def controls(table):
-    """A row for each method without warping and after the last of it."""
-    keys = ["method", "warping"]
-    rows = table.pivot(index=keys, columns="quantity", values="db")[list(CONTROLS)]
-    rows = in_order(rows, table).add_suffix("_db").reset_index()
-    return rows[rows["warping"] != "once"]
-
-
 def in_order(rows, table):
     """Rows by method and warping, as they first stand in a table."""
     order = dict.fromkeys(zip(table["method"], table["warping"], strict=True))
     return rows.reindex(list(order))
-
-
-def ranking(table):
-    """What each test set says of the order of methods."""
-    taus = ["tau", "tau_low", "tau_high"]
-    return table[["test_set", "rows", *taus]].astype(dict.fromkeys(taus, float))
 
 
 def parse(argv=None):

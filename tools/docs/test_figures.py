@@ -1,18 +1,8 @@
-"""The figures of the pages show what their CSVs say."""
+"""The figure of the pages shows what its CSV says."""
 
-import pytest
+from PIL import Image
 
 from tools.docs import figures
-
-MADE = """# commit: none
-capture,size,flow_px,flow_mrad,remedy,aligned_gain_db,aligned_low_gain_db,\
-aligned_high_gain_db,twice_gain_db,twice_low_gain_db,twice_high_gain_db
-fox,400x300,2,5,plain training,,,,,,
-fox,400x300,2,5,warped,0.5,0.4,0.7,-0.2,-0.3,0
-fox,200x150,1,5,plain training,,,,,,
-fox,200x150,1,5,warped,0.1,0,0.2,,,
-oak,200x150,3,9,plain training,,,,,,
-"""
 
 BUDGET = """# commit: none
 scene,method,test_set,seconds,psnr_db
@@ -22,33 +12,21 @@ courtyard,AligNeRF,oracle,30,24.0
 """
 
 
-def test_gains_by_size_and_nothing_where_nothing_was_measured(tmp_path, monkeypatch):
-    path = tmp_path / "docs/measured/resolution.csv"
-    path.parent.mkdir(parents=True)
-    path.write_text(MADE)
+def test_methods_by_their_seconds(tmp_path, monkeypatch):
+    for folder in ("measured", "pictures"):
+        (tmp_path / "docs" / folder).mkdir(parents=True)
     (tmp_path / "docs/measured/budget.csv").write_text(BUDGET)
-    (tmp_path / "docs/pictures").mkdir()
-    drawn = {}
+    drawn = []
+    costs = figures.plots.costs
     monkeypatch.setattr(
-        "matplotlib.axes.Axes.errorbar",
-        lambda axes, x, y, ends, label, **_: drawn.update(
-            {label: (pytest.approx(list(x)), list(y), ends.round(9).tolist())}
-        ),
+        figures.plots,
+        "costs",
+        lambda table, path: (drawn.append(table), costs(table, path)),
     )
     figures.main(["--root", str(tmp_path)])
-    # Beside the size, so that no interval hides another.
-    near = 1.03**-2
-    assert drawn == {
-        "warped, against as many steps": (
-            [200 * near, 400 * near],
-            [0.1, 0.5],
-            [[0.1, 0.1], [0.1, 0.2]],
-        ),
-        "warped, against twice the steps": (
-            [400 * near * 1.03],
-            [-0.2],
-            [[0.1], [0.2]],
-        ),
-    }
-    for name in ("resolution", "budget"):
-        assert (tmp_path / f"docs/pictures/{name}.png").stat().st_size > 10_000
+    (table,) = drawn
+    assert table["total_time_s"].tolist() == [20, 80, 30]
+    # AligNeRF takes longer than the first and is worse.
+    assert table["pareto"].tolist() == [True, True, False]
+    with Image.open(tmp_path / "docs/pictures/budget.png") as image:
+        assert image.size[0] > 400
