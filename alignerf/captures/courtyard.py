@@ -19,14 +19,13 @@ OBJECTS += ("trunk", "tower", "case", "carton", "tin", "arm")
 
 class Courtyard(Keys):
     place: Literal["courtyard", "object"] = key(
-        "courtyard", "the whole, or its boxes and the arm alone, before white"
+        "courtyard", "all of it, or its boxes and arm alone before white"
     )
     views: int = key(48, "number of photos", least=4, most=10000)
     zooms: list[float] = key(
         [1.0],
-        "focal lengths, in turn, in units of one that sees 60 degrees: by 0.25 things "
-        "are as small as from four times the distance; other than 1 with true poses "
-        "only",
+        "focal lengths, in turn, in units of one that sees 60 degrees; other than 1 "
+        "with true poses only",
         least=0.1,
         most=10,
         length=(1, 16),
@@ -45,7 +44,7 @@ class Courtyard(Keys):
     # Leaves as much near the highest frequency as a real photo made smaller has:
     # unblurred textures lose ten times more than photos when they are resampled.
     lens_sigma_px: float = key(
-        1.4, "blur of the lens, in px of the photo", least=0, most=100
+        1.4, "sigma of the lens's blur, in px of the photo", least=0, most=100
     )
     supersample: int = key(2, "rays a pixel and axis", least=1, most=16)
 
@@ -54,7 +53,7 @@ class CourtyardCapture(base.Capture):
     name = "courtyard"
     what = "embedded scene"
     poses = ("colmap", "truth")
-    section = (Courtyard, key(Courtyard))
+    section = (Courtyard, key(Courtyard, "of source courtyard: the embedded scene"))
     has_truth = True
     has_path = False
     frame = "the courtyard's, in metres"

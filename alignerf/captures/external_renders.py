@@ -17,7 +17,7 @@ class ExternalRenders(Keys):
 
     renders: str = key(
         what="folder of its renders of the photos, as nerfstudio, gsplat or Gaussian "
-        "splatting write them, or called like the photos",
+        "splatting write them, or with the photos' names",
         pattern=r"\S",
     )
     splits: list[Literal["train", "test"]] = key(

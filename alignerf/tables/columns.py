@@ -1,7 +1,6 @@
 """Every column of the tables: what it is, and its heading; from columns.yaml.
 
-From here come the order of a CSV's columns, the headings on the page and in LaTeX, and
-the lists in docs/reference/files.md.
+From here come the order of a CSV's columns and the headings on the page and in LaTeX.
 """
 
 from pathlib import Path
@@ -58,14 +57,3 @@ PARTS = [
 def names(table):
     """Names of a table's columns, in the CSV's order."""
     return list(TABLES[table].columns)
-
-
-def markdown(table):
-    """The list of a table's columns for docs/reference/files.md."""
-    groups = []
-    for name, column in TABLES[table].columns.items():
-        if column.what or not groups:
-            groups.append(([], column.what))
-        groups[-1][0].append(f"`{name}`")
-    lines = [f"| {', '.join(found)} | {what} |\n" for found, what in groups]
-    return "".join(["| column | what |\n| --- | --- |\n", *lines])

@@ -67,9 +67,6 @@ def against(name):
 
 def markdown():
     """The list for docs/reference/files.md."""
-    lines = [("test set", "pixels", "what a render is compared with", "shown in")]
-    lines.append(["---"] * 4)
-    for one in every():
-        tables = ", ".join(one.tables) or "`metrics.csv`"
-        lines.append((f"`{one.name}`", one.pixels, one.meaning, tables))
+    lines = [("test set", "pixels", "what a render is compared with"), ["---"] * 3]
+    lines += [(f"`{one.name}`", one.pixels, one.meaning) for one in every()]
     return "".join(f"| {' | '.join(line)} |\n" for line in lines)

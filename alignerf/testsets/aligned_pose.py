@@ -10,8 +10,7 @@ TEST_SETS = [
     TestSet(
         name="aligned_pose",
         pixels="all",
-        meaning="the photo. The render's camera is moved to fit it by the flow, see "
-        "below",
+        meaning="the photo; the render's camera is moved to fit it, see below",
         needs="",
         make=photo,
         tables=("misalignment", "comparison", "remedies", "controls"),
@@ -26,8 +25,7 @@ TEST_SETS = [
     TestSet(
         name="aligned_pose_overfit",
         pixels="all",
-        meaning="courtyard only: the oracle. The render's camera is moved to fit the "
-        "oracle",
+        meaning="ground truth; the render's camera is moved to fit it",
         needs="truth",
         make=oracle,
         tables=("controls",),

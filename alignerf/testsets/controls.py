@@ -11,8 +11,7 @@ TEST_SETS = [
     TestSet(
         name="control",
         pixels="all",
-        meaning="the photo warped by that flow and back by its inverse; nothing is "
-        "displaced, only the interpolation acts",
+        meaning="the photo warped by that flow and back: resampling alone",
         needs="testset",
         make=folder("control", "everywhere"),
         tables=(*QUALITY, "ranking", "controls"),
@@ -24,8 +23,7 @@ TEST_SETS = [
     TestSet(
         name="placebo",
         pixels="all",
-        meaning="the photo warped by a random smooth flow of at most half a pixel, one "
-        "for each view's name: what any warp does",
+        meaning="the photo warped by a random smooth flow of at most half a pixel",
         needs="testset",
         make=folder("placebo", "everywhere"),
         tables=("controls",),
@@ -37,7 +35,7 @@ TEST_SETS = [
     TestSet(
         name="crossfit",
         pixels="valid",
-        meaning="the photo warped by a flow that was estimated without the pixel",
+        meaning="the photo warped by a flow estimated without the pixel",
         needs="testset",
         make=folder("crossfit", "valid"),
         tables=("regimes", "ranking", "controls"),

@@ -6,8 +6,7 @@ TEST_SETS = [
     TestSet(
         name="oracle",
         pixels="all",
-        meaning="courtyard only: the undisplaced scene at the pose that training was "
-        "given, so what a method should have shown",
+        meaning="ground truth: the undisplaced scene at the pose of the training",
         needs="truth",
         make=oracle,
         tables=(*QUALITY, "remedies", "controls"),
@@ -22,8 +21,7 @@ TEST_SETS = [
     TestSet(
         name="oracle_still",
         pixels="others",
-        meaning="courtyard with `motion: two_states`: the oracle, where no moving "
-        "object is seen in either state",
+        meaning="with `motion: two_states`: the same, where nothing moves",
         needs="moving",
         make=lambda view: (view.oracle, ~view.moving),
         tables=("misalignment",),
@@ -32,7 +30,7 @@ TEST_SETS = [
     TestSet(
         name="oracle_moving",
         pixels="moving",
-        meaning="the same where one is seen, and 3 px around it",
+        meaning="the same where something moves, and 3 px around it",
         needs="moving",
         make=lambda view: (view.oracle, view.moving),
         tables=("misalignment",),

@@ -13,8 +13,7 @@ TEST_SETS = [
     TestSet(
         name="aligned",
         pixels="matched",
-        meaning="an image that belongs where the reference model's render is: the "
-        "oracle, or a stand-in, see below",
+        meaning="an image aligned with the reference model's render, see below",
         needs="testset",
         make=folder("aligned", "overfit_valid"),
         tables=("controls",),
@@ -24,8 +23,7 @@ TEST_SETS = [
     TestSet(
         name="overfit",
         pixels="matched",
-        meaning="`aligned`, warped by the flow that the estimator invents between it "
-        "and the render",
+        meaning="`aligned`, warped by the flow found between it and the render",
         needs="testset",
         make=folder("overfit", "overfit_valid"),
         tables=("controls",),
@@ -38,7 +36,7 @@ TEST_SETS = [
     TestSet(
         name="overfit_crossfit",
         pixels="matched",
-        meaning="`aligned`, warped by a held-out flow: what is displaced in truth",
+        meaning="`aligned`, warped by a flow estimated without the pixel",
         needs="testset",
         make=folder("overfit_crossfit", "overfit_valid"),
         tables=("controls",),

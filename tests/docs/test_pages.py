@@ -7,8 +7,7 @@ import subprocess
 import pytest
 import yaml
 
-from alignerf.tables import columns
-from tools.docs import lists, tables
+from tools.docs import tables
 
 README_LINES = 120
 LINE_WIDTH = 110
@@ -68,19 +67,10 @@ def test_every_csv_is_shown_or_listed_and_every_table_shown(root, pages):
     marks = [mark for text in pages.values() for mark in tables.MARK.findall(text)]
     shown = {name for _, kind, name, *_ in marks if kind == "table"}
     assert shown == set(specs)
-    listed = {name for _, kind, name, *_ in marks if kind == "columns"}
-    assert listed == {*columns.TABLES, "test_sets"}
     used = {specs[name].get("csv", name) for name in shown}
     links = LINK.findall(pages[root / tables.MEASURED / "README.md"])
     used |= {link.removesuffix(".csv") for link in links if link.endswith(".csv")}
     assert used == {path.stem for path in (root / tables.MEASURED).glob("*.csv")}
-
-
-def test_every_list_of_the_program_is_in_the_reference(pages):
-    marks = [mark for text in pages.values() for mark in tables.MARK.findall(text)]
-    listed = {(kind, name) for _, kind, name, *_ in marks}
-    assert {name for kind, name in listed if kind == "keys"} == set(lists.classes())
-    assert {"make", "targets", "options", "output"} <= {kind for kind, _ in listed}
 
 
 def test_every_csv_says_where_it_comes_from(root):

@@ -2,9 +2,8 @@
 
 A page says `<!-- table: NAME -->`, and `<!-- end -->` below it. What is between them is
 written anew from docs/measured/NAME.csv, as NAME says in docs/measured/tables.yaml.
-`<!-- columns: NAME -->` lists the columns of one of the program's own tables;
-`keys`, `options`, `make` and `targets` are lists of tools/docs/lists.py, and `output`
-is what docs/outputs/NAME.txt holds, a text that the program has printed.
+`<!-- list: test_sets -->` lists the program's test sets; `<!-- output: NAME -->` quotes
+docs/outputs/NAME.txt, a text that the program has printed.
 --check writes nothing: it names each page and table that differ, and exits with 1.
 """
 
@@ -20,11 +19,9 @@ import pandas as pd
 import yaml
 
 from alignerf import testsets
-from alignerf.tables import columns
-from tools.docs import lists
 
 MEASURED = "docs/measured"
-KINDS = "table|columns|keys|options|make|targets|output"
+KINDS = "table|list|output"
 MARK = re.compile(rf"(<!-- ({KINDS}): ([\w.]+) -->\n)(.*?)(<!-- end -->)", re.DOTALL)
 # Of a quoted line, in characters.
 WIDTH = 106
@@ -72,15 +69,11 @@ def made(kind, name, root):
     """What stands between two marks."""
     if kind == "table":
         return of_csv(name, root)
-    if kind == "columns":
-        if name not in {**columns.TABLES, "test_sets": None}:
-            raise ValueError(f"columns.yaml: no table {name}")
-        return testsets.markdown() if name == "test_sets" else columns.markdown(name)
     if kind == "output":
         return quoted((root / "docs/outputs" / f"{name}.txt").read_text())
-    if kind in ("make", "targets"):
-        return getattr(lists, kind)(root / name)
-    return getattr(lists, kind)(name)
+    if name != "test_sets":
+        raise ValueError(f"no list {name}")
+    return testsets.markdown()
 
 
 def quoted(text):

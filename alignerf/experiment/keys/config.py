@@ -17,7 +17,7 @@ Method = methods.keys_class(base.Common, base.PUBLISHED)
 
 class Reference(Keys):
     method: str | None = key(
-        None, "a key of methods; null takes the first that trains from scratch"
+        None, "a key of methods; null: the first that trains from scratch"
     )
     round: int | Literal["last"] = key(
         "last", "its warping round; `last` is the method's last one", least=0, most=16
@@ -41,14 +41,14 @@ class Vary(Keys):
 
     seeds: list[int] | None = key(
         None,
-        "each scene is made and trained with each; the first keeps the scene's name",
+        "each scene is run with each seed; the first keeps the scene's name",
         least=0,
         most=2**32 - 1,
         length=(1, 100),
     )
     lengths: list[float] = key(
         [1],
-        "and trained for each of these times its steps, or minutes",
+        "multiples of its steps, or minutes, that each scene is trained for",
         above=0,
         most=1000,
         length=(1, 100),
@@ -68,7 +68,7 @@ class Crops(Keys):
     count: int = key(2, "crops of each photo", least=1, most=16)
     steps: int = key(
         2000,
-        "of the trainings on crops; more where `decide` gives larger captures more",
+        "steps of trainings on crops; more where `decide` gives a capture more",
         least=10,
         most=10**8,
     )
@@ -79,30 +79,30 @@ class Config(Keys):
 
     # Of `--config small=false` Snakemake makes a word.
     small: Annotated[bool, pydantic.Strict(False)] = key(
-        True, "the size below; false: what `full_size` has instead"
+        True, "as written; false: the keys of `full_size` replace those of the same name"
     )
     full_size: dict[str, Any] | None = key(
-        None, "keys of a config that stand in place of its own where `small` is false"
+        None, "keys that replace the config's own where `small` is false"
     )
-    seed: int = key(0, "of scene, poses and trainings", least=0, most=2**32 - 1)
+    seed: int = key(0, "random seed of scene, poses and trainings", least=0, most=2**32 - 1)
     preflight: bool = key(
         True,
-        "hours, memory and disk are worked out before any training; false starts at "
+        "hours, memory and disk are estimated before any training; false starts at "
         "once",
     )
     scenes: named(Scene, NAME) = key(
-        what="name -> where its images and cameras come from"
+        what="name -> where images and cameras come from"
     )
     decide: bool = key(
         False,
-        "a scene's facts decide what scenes, models and training leave out: downscale, "
-        "near, radius, max_resolution, steps; results/<scene>/decisions.json says why",
+        "settings that the config leaves out follow from the photos: downscale, near, "
+        "radius, max_resolution, steps; results/<scene>/decisions.json says why",
     )
     vary: Vary | None = key(None, "seeds and lengths that every scene is run with")
     crops: Crops | None = key(
         None,
-        "the verdict judges alignment by crops at the photos' own size; null: by the "
-        "size of training alone",
+        "full-resolution crops of each photo, by which the verdict judges alignment; "
+        "null: it judges at the size of training alone",
     )
     models: named(Models) = key(
         {"base": {}},
@@ -114,8 +114,8 @@ class Config(Keys):
         "name -> what is trained and compared; in this order in the tables",
         validate_default=True,
     )
-    training: Training = key(Training)
-    flow: Flow = key(Flow)
+    training: Training = key(Training, "how models are trained, and how long")
+    flow: Flow = key(Flow, "optical flow from renders to photos, and warping by it")
     reference: Reference = key(
         Reference, "the model whose renders the warped test set is made from"
     )
@@ -127,7 +127,7 @@ class Config(Keys):
     frequency_weights: str | None = key(
         None,
         ".npz of VGG-19's first block for the high-frequency loss; null takes a fixed "
-        "bank of oriented derivative filters, and the table says so",
+        "bank of oriented derivative filters",
     )
     aligned_pose: AlignedPose | None = key(
         AlignedPose, "test set of cameras moved to fit their photos; null has none"
@@ -138,8 +138,8 @@ class Config(Keys):
     )
     export_width_px: int | None = key(
         None,
-        "of the photos that `snakemake export` writes, made smaller by area averaging; "
-        "null, and what would enlarge them, keeps the size that they came in",
+        "width of exported photos in px, made smaller by area averaging; null, or a "
+        "width that would enlarge them, keeps their size",
         least=32,
         most=32766,
     )

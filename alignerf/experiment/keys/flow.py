@@ -9,8 +9,8 @@ from alignerf.experiment.keys.key import Keys, key
 class Flow(Keys):
     estimator: Literal[estimators.EVERY] = key(
         "deepflow",
-        "see flow/estimation/estimators.py and `make flow_benchmark`; files takes "
-        "flows made elsewhere from `folder`",
+        "optical flow, see flow/estimation/estimators.py and `make flow_benchmark`; "
+        "files reads flows made elsewhere from `folder`",
     )
     folder: str | None = key(
         None,
@@ -24,13 +24,13 @@ class Flow(Keys):
     )
     blur_by: Literal[estimators.FAST] | None = key(
         None,
-        "estimator of the first flow, by which that blur is found; null takes the "
-        "estimator; a fast one finds the same blur in a third of the time",
+        "estimator by which that blur is found; null: the same; a fast one finds the "
+        "same blur in a third of the time",
     )
-    kernel: Literal["lanczos", "cubic", "bilinear"] = key("lanczos", "of the warps")
+    kernel: Literal["lanczos", "cubic", "bilinear"] = key("lanczos", "interpolation of warps")
     tolerance_px: float = key(
         1.0,
-        "largest forward-backward disagreement of a valid pixel",
+        "largest forward-backward disagreement of a valid pixel, in px",
         above=0,
         most=1000,
     )

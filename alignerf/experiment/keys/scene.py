@@ -31,15 +31,15 @@ NAME = r"^(?!.*\.\.)[A-Za-z0-9][A-Za-z0-9_.-]{0,99}\Z"
 
 class Colmap(Keys):
     max_size_px: int = key(
-        1600, "features are found on photos of at most this side", least=64, most=20000
+        1600, "COLMAP sees photos of at most this side, in px", least=64, most=20000
     )
     camera_model: CAMERA_MODELS | None = key(
-        None, "null takes OPENCV for photos, SIMPLE_PINHOLE for courtyard"
+        None, "COLMAP's camera model; null: OPENCV, of courtyard SIMPLE_PINHOLE"
     )
     min_registered: float = key(
         0.6,
-        "share of the photos that have to be registered in one model; with fewer the "
-        "run stops: what is left would be scored as if it were the scene",
+        "fraction of the photos that must be registered in one model; with fewer the "
+        "run stops",
         least=0,
         most=1,
     )
@@ -50,15 +50,15 @@ class Crop(Keys):
 
     of: str = key(
         what="another scene, whose photos, split and cameras the crops have; they "
-        "belong to its verdict, and are made for it or by name"
+        "belong to its verdict"
     )
-    px: int = key(256, "side of the crops at most", least=32, most=8192)
+    px: int = key(256, "side of a crop in px, at most", least=32, most=8192)
     cameras: str | None = key(
         None,
-        "a method, whose cameras of that scene the crops have; null: as given",
+        "a method of that scene, whose cameras the crops have; null: the input ones",
     )
     count: int = key(
-        1, "crops of each photo, at places that suit best", least=1, most=16
+        1, "crops of each photo", least=1, most=16
     )
 
 
@@ -83,8 +83,8 @@ class Common(Keys):
     )
     background: Literal["black", "white"] | None = key(
         None,
-        f"of {having('background')}: what transparent pixels stand on; null refuses "
-        "them",
+        f"of {having('background')}: what lies behind transparent "
+        "pixels; null refuses them",
     )
     masks: str | None = key(
         None,
@@ -93,77 +93,77 @@ class Common(Keys):
     )
     poses: Literal["colmap", "truth", "input", "adjusted"] | None = key(
         None,
-        "courtyard has colmap (default) or truth, photos colmap; cameras that came "
+        "photos have colmap, courtyard colmap (default) or truth; cameras that came "
         "with the photos are adjusted (default: by bundle adjustment, where held-out "
-        "matches gain by it) or given (as they came); apps have colmap too",
+        "matches gain by it) or input (as they came); apps have colmap, too",
     )
     pose_convention: Literal[CONVENTIONS] | None = key(
         None,
-        "of input cameras: the mistake that their file makes, which is undone; null: "
-        "none, and where matches show one the run stops and names it; as_stated: none",
+        "a mistake in the file of input cameras, which is undone; null: where matches "
+        "show one, the run stops and names it; as_stated: there is none",
     )
     refine_keypoints: bool | None = key(
         None,
-        "keypoints of tracks are aligned by patches of the photos at their own size, "
-        "and COLMAP's or adjusted cameras adjusted again where held-out tracks gain by "
-        "it; null: except for the courtyard, whose error is to be COLMAP's own",
+        "keypoints are refined by patches of the photos at their own size, and "
+        "cameras adjusted again where held-out tracks gain by it; null: true, but "
+        "false for courtyard",
     )
     downscale: int | Literal["auto"] = key(
         1,
-        "photos are made smaller by this factor, by area averaging; auto takes the "
-        "least with which all photos together have at most 10 million pixels",
+        "photos are made smaller by this factor, by area averaging; auto: the least "
+        "with which all photos together have at most 10 million pixels",
         least=1,
         most=64,
     )
     test_every: int | Literal["auto"] | None = key(
         None,
-        "every n-th view by name is held out; auto: 8, or of 17 to 32 views what holds "
-        "out 5; null: 8 of llff and mipnerf360, as published, else auto; blender's "
-        "files, and a transforms.json with train_filenames and test_filenames, say "
-        "which themselves",
+        "every n-th photo by name is held out; auto: 8, of 17 to 32 photos an n that "
+        "holds out 5; null: 8 for llff and mipnerf360, as published, else auto; "
+        "blender's files, and a transforms.json with train_filenames and "
+        "test_filenames, say it themselves",
         least=2,
         most=10000,
     )
     min_train_views: int = key(
         3,
-        "with fewer to learn from the run stops: no geometry follows from them",
+        "with fewer training views the run stops",
         least=1,
         most=10000,
     )
     crop: Crop | None = key(
         None,
-        "the scene is made of crops of another one's photos; `crops` makes such",
+        "the scene is full-resolution crops of another one's photos",
     )
     seed: int | None = key(
         None,
-        "of this scene, its poses and its trainings; null takes the config's",
+        "random seed of this scene; null: the config's",
         least=0,
         most=2**32 - 1,
     )
     steps: int | None = key(
         None,
-        "of this scene's trainings; null takes the one under training",
+        "steps of this scene's trainings; null: those under training",
         least=1,
         most=10**8,
     )
     budget_min: float | None = budget(
-        "minutes of each of this scene's trainings, instead of steps; null takes the "
-        "one under training"
+        "minutes of each of this scene's trainings, instead of steps; null: those "
+        "under training"
     )
     perturb_px: float = key(
         0.0,
-        "error added to the poses, in pixels (rms at the image's centre, after "
-        "downscale), so that a small image shows the misalignment of a large one",
+        "error added to the poses on purpose, in px of the training size (rms at the "
+        "image's center)",
         least=0,
         most=1000,
     )
     triangulate: bool | None = key(
         None,
-        "matches and points of the views are found, which check and adjust cameras; "
-        "null: of cameras that came with the photos (COLMAP's poses have their own); "
-        "true: also of the courtyard's true ones; false: of none",
+        "matches and points are found, which check and adjust cameras; null: for "
+        "input cameras (COLMAP's poses have their own); true: also for courtyard's "
+        "true ones; false: never",
     )
-    colmap: Colmap = key(Colmap)
+    colmap: Colmap = key(Colmap, "how COLMAP finds poses")
 
 
 SECTIONS = {name: one.section for name, one in SOURCES.items() if one.section}

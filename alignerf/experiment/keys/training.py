@@ -14,33 +14,38 @@ class Training(Keys):
     """How the baseline is trained; the other stages start from it."""
 
     steps: int | None = key(
-        4000, "of the baseline; null with a budget_min", least=1, most=10**8
+        4000, "steps of plain training; null with a budget_min", least=1, most=10**8
     )
     budget_min: float | None = budget(
-        "minutes of the baseline's training, instead of steps: as many as the machine, "
-        "timed at the start, does in them; each stage takes its share of the minutes"
+        "minutes of plain training, instead of steps: the machine is timed at the "
+        "start; each stage takes its fraction of the minutes"
     )
     batch_rays: int = key(512, "rays a step", least=1, most=2**22)
     learning_rates: list[float] | None = key(
         None,
-        "first and last; null takes those of the model's kind, or of its field's",
+        "first and last learning rate; null takes those of the model's kind, or of "
+        "its field's",
         above=0,
         most=10,
         length=(2, 2),
     )
     warmup_steps: int | None = key(
-        None, "sine from 1 %; null takes a tenth of the steps", least=0, most=10**8
+        None, "steps of warm-up, a sine from 1 %; null: a tenth of the steps", least=0, most=10**8
     )
     hold_fraction: float = key(
         0.5,
-        "of the steps before the learning rate falls; 0 as published",
+        "fraction of the steps before the learning rate falls; published: 0",
         least=0,
         most=0.99,
     )
     adam_betas: list[float] = key(
-        [0.9, 0.99], "0.9 and 0.999 as published", least=0, most=0.999999, length=(2, 2)
+        [0.9, 0.99],
+        "betas of Adam; published: 0.9 and 0.999",
+        least=0,
+        most=0.999999,
+        length=(2, 2),
     )
-    adam_eps: float = key(1e-15, above=0, most=1)
+    adam_eps: float = key(1e-15, "epsilon of Adam", above=0, most=1)
     gradient_norm: float | None = key(
         None,
         "largest norm of each network's gradient; null does not clip",
@@ -49,18 +54,21 @@ class Training(Keys):
     )
     proposal_fraction: float = key(
         0.25,
-        "of a step's rays teach the proposal field, for whom the others are samples "
-        "only; 1 as published",
+        "fraction of a step's rays that teach the proposal field; published: 1",
         above=0,
         most=1,
     )
-    interlevel_weight: float = key(1.0, least=0, most=1e6)
-    distortion_weight: float = key(0.01, least=0, most=1e6)
+    interlevel_weight: float = key(
+        1.0, "weight of the proposal field's loss", least=0, most=1e6
+    )
+    distortion_weight: float = key(
+        0.01, "weight of mip-NeRF 360's distortion loss", least=0, most=1e6
+    )
     kernels: Literal["auto", "native", "jax"] = key(
         "auto",
-        "what a CPU computes grids and resampling with: native, kernels in C++ that "
-        "the machine's compiler makes once; jax, XLA's own code; auto: native where "
-        "there is a compiler. Both agree to rounding",
+        "how a CPU computes grids and resampling: native, C++ kernels that are "
+        "compiled once; jax, XLA's own code; auto: native where there is a compiler. "
+        "Both agree to rounding",
     )
     decided: list[Literal[OPEN_OF_TRAINING]] = left_to_facts(*OPEN_OF_TRAINING)
 

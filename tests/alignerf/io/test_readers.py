@@ -51,7 +51,9 @@ def test_a_table_that_is_none_is_named(tmp_path, text, reason):
 # Columns without a unit that count something, or say yes or no.
 COUNTS = {"round", "rows", "views", "scenes", "seeds", "pareto", "tau"}
 COUNTS |= {"tau_low", "tau_high", "motion_m", "flow_mrad", "budget", "memory_mib"}
-COUNTS |= {"moves_cameras", "moves_photos"}
+COUNTS |= {"moves_cameras", "moves_photos", "half", "pairs", "match_blur"}
+COUNTS |= {"within_025", "within_050", "within_100"}
+COUNTS |= {"centre", "centre_x", "centre_y", "centre_z"}
 TEXTS = sorted(
     {
         name
