@@ -22,14 +22,13 @@ class ExternalRenders(Keys):
     )
     splits: list[Literal["train", "test"]] = key(
         ["train", "test"],
-        "those that there are renders of: of photos that were learnt from, of held-out "
-        "ones, or of both",
+        "which photos have renders: training ones, held-out ones, or both",
         length=(1, 2),
     )
     cameras: str | None = key(
         None,
         "transforms.json, COLMAP's sparse/0, or cameras.json of Gaussian splatting, or "
-        "their folder; null: a field of view is assumed, and turns and zooms are told",
+        "their folder; null: a field of view is assumed",
         pattern=r"\S",
     )
     depth: str | None = key(
@@ -40,16 +39,17 @@ class ExternalRenders(Keys):
     )
     before: str | None = key(
         None,
-        "verdict.json of a judgement before this one, with which it is compared",
+        "verdict.json of earlier results to compare with",
         pattern=r"\S",
     )
     depth_kind: Literal["depth", "distance"] | None = key(
         None,
-        "along the optical axis, or along the ray; null: as fits the points better",
+        "depth along the optical axis, or distance along the ray; null: as fits the "
+        "points better",
     )
     depth_scale: float | None = key(
         None,
-        "what brings it to the unit of the cameras; null: as fits the points",
+        "factor to the unit of the cameras; null: as fits the points",
         above=0,
         most=1e30,
     )

@@ -1,6 +1,6 @@
 """From a folder of photos to its page: `make photos FOLDER=my_photos`.
 
-FOLDER holds photos (also HEIC), films, or photos with cameras by another program
+FOLDER holds photos (also HEIC), videos, or photos with cameras by another program
 (transforms.json, sparse/0, poses_bounds.npy) or an app (Polycam's raw data, 3d Scanner
 App's All Data, Record3D's EXR + JPG), or several such folders. A config is written
 beside the results; it is yours to edit, and is kept the next time.
@@ -140,7 +140,9 @@ def parse(argv=None):
     """Arguments of the command line."""
     shared = ("--name", "--cores", "--background", "--pose-convention", "--only-config")
     parser = configs.parser("photos", __doc__, *shared)
-    parser.add_argument("folder", help="photos or films, or folders of such")
+    parser.add_argument(
+        "folder", help="photos or videos, with cameras or not, or folders of such"
+    )
     parser.add_argument(
         "--budget-min",
         type=configs.minutes,

@@ -90,14 +90,21 @@ def name(text):
 
 
 SHARED = {
-    "--name": {"type": name, "help": "of the results, instead of the folder's"},
-    "--cores": {"type": count, "default": machine.cores()},
-    "--background": {"choices": sorted(photos.BACKGROUNDS), "help": "behind alpha"},
+    "--name": {"type": name, "help": "name of the results, instead of the folder's"},
+    "--cores": {
+        "type": count,
+        "default": machine.cores(),
+        "help": "cores to use, all by default",
+    },
+    "--background": {
+        "choices": sorted(photos.BACKGROUNDS),
+        "help": "what lies behind transparent pixels",
+    },
     "--pose-convention": {
         "choices": scene_keys.CONVENTIONS,
-        "help": "the mistake of the file of cameras, which is undone; as_stated: none",
+        "help": "a mistake in the file of cameras, to be undone; as_stated: none",
     },
-    "--only-config": {"action": "store_true", "help": "do not run it"},
+    "--only-config": {"action": "store_true", "help": "write the config and stop"},
 }
 
 

@@ -82,9 +82,13 @@ def parse(argv=None):
     """Arguments of the command line."""
     parser = configs.parser("export", __doc__, "--cores")
     parser.add_argument(
-        "name", help="of a config in results/, or its folder; courtyard after the demo"
+        "name",
+        help="name of a config in results/, or the photos' folder; courtyard after the "
+        "demo",
     )
-    parser.add_argument("--width", type=configs.count, help="of photos, in pixels")
+    parser.add_argument(
+        "--width", type=configs.count, help="width of the photos, in pixels"
+    )
     return parser.parse_args(argv)
 
 

@@ -320,28 +320,28 @@ def parse(argv=None):
     parser.add_argument("--photos", default="", help="folder of photos")
     parser.add_argument("--renders", default="", help="folder of renders")
     parser.add_argument(
-        "--splat", default="", help=".ply of Gaussians, rendered in place of renders"
+        "--splat", default="", help=".ply of Gaussians, instead of renders"
     )
     parser.add_argument("--cameras", default="", help="file or folder of cameras")
-    parser.add_argument("--depth", default="", help="folder of depths")
+    parser.add_argument("--depth", default="", help="folder of the renders' depth")
     parser.add_argument(
         "--depth-kind",
         choices=depths.KINDS,
-        help="along the optical axis, or distance along the ray (nerfacto's)",
+        help="depth along the optical axis, or distance along the ray (nerfacto's)",
     )
     parser.add_argument(
-        "--depth-scale", type=float, help="what brings it to the unit of the cameras"
+        "--depth-scale", type=float, help="factor to the unit of the cameras"
     )
     parser.add_argument(
         "--held-out",
         type=every_nth,
-        help="every=8: each eighth photo by name was held out, where no file says it",
+        help="every=8: every eighth photo by name was held out; where no file says it",
     )
     parser.add_argument(
         "--before",
         type=lambda text: "" if text == "none" else configs.name(text),
-        help="name of results that these are compared with, or none; the last ones of "
-        "the same photos, if there are any",
+        help="results to compare with, by name, or none; default: the last ones of the "
+        "same photos",
     )
     return parser.parse_args(argv)
 

@@ -20,21 +20,21 @@ class Align(Keys):
 
     cameras_at: list[float] = key(
         [0.15, 0.35],
-        "shares of the steps at which the cameras of the training views are corrected",
+        "fractions of the steps at which the training cameras are corrected",
         above=0,
         most=0.99,
         length=(0, 16),
     )
     photos_at: list[float] = key(
         [0.35],
-        "shares of the steps at which photos are warped, after the cameras if both",
+        "fractions of the steps at which photos are warped, after the cameras",
         above=0,
         most=0.99,
         length=(0, 16),
     )
     photos: Literal["moving", "whole"] = key(
         "moving",
-        "what a photo is warped by: what no moved camera explains of its flow, or all",
+        "what a photo is warped by: flow that no moved camera explains, or all flow",
     )
     shrink: int = key(
         3,
@@ -45,14 +45,13 @@ class Align(Keys):
     )
     min_move_px: float = key(
         0.12,
-        "where the median camera would move by less, in px of the small renders, that "
-        "is the flow's own error and all stay; more early in the training, less once "
-        "cameras were seen to be wrong",
+        "cameras stay where the median one would move by less, in px of the small "
+        "renders; more early in the training, less once cameras were seen to be wrong",
         least=0,
         most=100,
     )
     estimator: Literal[estimators.FAST] = key(
-        "deepflow", "of the flow, see `flow.estimator`"
+        "deepflow", "optical flow, see `flow.estimator`"
     )
     match_blur: bool = key(
         False, "blur the photo like the render, for the estimate only"

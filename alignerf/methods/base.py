@@ -18,19 +18,17 @@ class Common(Keys):
     model: str | None = key(None, "a key of models; null takes the first")
     rounds: int | Literal["auto"] = key(
         0,
-        "warping rounds after the first training; auto goes on until the flow from "
-        "renders to the photos they were learnt from falls by less than a tenth, see "
-        "flow/rounds.py; decision.json of each round before max_rounds says why",
+        "rounds of render, flow, fix and training after the first training; auto goes "
+        "on until the flow of the training views falls by less than a tenth, see "
+        "flow/rounds.py; decision.json of each round says why",
         least=0,
         most=16,
     )
-    max_rounds: int = key(
-        4, "where `rounds: auto` ends, whatever the flow does", least=1, most=16
-    )
+    max_rounds: int = key(4, "rounds at most, with `rounds: auto`", least=1, most=16)
     changes: Literal["photos", "cameras", "cameras_then_photos"] = key(
         "photos",
-        "what a round changes by the flow: photos are warped, as in the paper, or the "
-        "training views' cameras are corrected; cameras_then_photos warps photos in "
+        "what a round fixes by the flow: photos are warped, as in the paper, or "
+        "training cameras are corrected; cameras_then_photos warps photos in "
         "the last round only; with alignerf, cameras are corrected before fine-tuning",
     )
 
@@ -43,7 +41,7 @@ class Common(Keys):
 
 PUBLISHED = key(
     None,
-    "what results/published calls the method; `snakemake comparison` shows what is "
+    "name of the method in results/published; `snakemake comparison` shows the scores "
     "printed for it",
     pattern=r"\S",
 )

@@ -19,37 +19,37 @@ class PoseOptimization(Keys):
 
     learning_rates: list[float] = learning_rates(0.08, 0.0008)
     delay_fraction: float = key(
-        0.2, "of the steps before the cameras may move", least=0, most=0.99
+        0.2, "fraction of the steps before cameras move", least=0, most=0.99
     )
     end_fraction: float = key(
         0.6,
-        "of the steps after which they stay, and cost nothing more",
+        "fraction of the steps after which they stay, and cost no more",
         above=0,
         most=1,
     )
     min_move_px: float | None = key(
         0.12,
-        "as of align, by a look at the first of these steps: where the median camera "
-        "would move by less, none is learnt; null: they are learnt without a look",
+        "as in align, by a look at the first of these steps: where the median camera "
+        "would move by less, none is optimized; null: no look",
         least=0,
         most=100,
     )
     prior_weight: float = key(
         0.00045,
-        "of the mean square of turns and steps, in the loss: keeps the cameras where "
-        "they came from as far as photos do not tell otherwise",
+        "weight in the loss of the mean square of rotations and translations: keeps "
+        "cameras near the input ones",
         least=0,
         most=1e6,
     )
     preconditioned: bool = key(
         True,
-        "turns and steps in units that move pixels by 1 px, as CamP; else in radians "
-        "and in units of the normalised scene, which need other learning_rates",
+        "rotations and translations in units that move pixels by 1 px, as CamP; else "
+        "in radians and units of cameras.npz, which need other learning_rates",
     )
     coarse_to_fine: list[float] | None = key(
         None,
-        "shares of the steps between which the field's frequencies, or the levels of "
-        "a grid, come in one by one; BARF's are 0.1 and 0.5; null: all from the start",
+        "fractions of the steps between which the field's frequencies, or a grid's "
+        "levels, come in one by one; BARF's are 0.1 and 0.5; null: all at once",
         least=0,
         most=1,
         length=(2, 2),

@@ -32,9 +32,8 @@ class AligNeRF(Keys):
     patch_px: int = key(16, "side of a patch, in rays", least=8, most=512)
     dilation: int = key(
         1,
-        "1: a patch's rays are neighbours, as in the paper; else each is drawn from a "
-        "cell of so many pixels a side, so that they teach more, without convolution "
-        "and frequency loss",
+        "1: a patch's rays are neighbors, as in the paper; else each is drawn from a "
+        "cell of so many pixels a side, without convolution and frequency loss",
         least=1,
         most=64,
     )

@@ -14,10 +14,10 @@ from alignerf.methods import rounds
 
 class WarmStart(keys.Keys):
     from_: str = keys.key(
-        what="method of the same model whose round 0 it starts from", alias="from"
+        what="method of the same model that it starts from, at round 0", alias="from"
     )
     fraction: float = keys.key(
-        0.3, "of training.steps, in each round of warping", above=0, most=1
+        0.3, "fraction of training.steps, in each round", above=0, most=1
     )
     learning_rates: list[float] = keys.learning_rates(0.01, 0.001)
 

@@ -89,7 +89,8 @@ def main(argv=None):
     parser = argparse.ArgumentParser(
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
-    parser.add_argument("what", choices=BACKBONES, metavar="WHAT")
+    what = f"one of {', '.join(BACKBONES)}"
+    parser.add_argument("what", choices=BACKBONES, metavar="WHAT", help=what)
     parser.add_argument("--out", required=True, help=".npz, written")
     parser.add_argument("--backbone", help="torchvision's .pth, else fetched")
     parser.add_argument("--heads", help="LPIPS' linear heads .pth, else fetched")

@@ -196,8 +196,8 @@ def test_the_picture_of_the_page_is_of_the_run_in_the_tables(root, page_of):
 
 def test_pages_say_the_scale_of_the_flow_and_that_figures_have_their_own(page_of):
     text = page_of("docs/reference/files.md")
-    assert f"full colour is {photos.FULL_PX:g} px" in text
-    assert "rim of their colour wheel" in text
+    assert f"full color is {photos.FULL_PX:g} px" in text
+    assert "rim of its color wheel" in text
     assert f"{shift.ALIGNED_PX:g} px, or what the estimator finds" in text
 
 

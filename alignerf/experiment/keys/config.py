@@ -79,20 +79,21 @@ class Config(Keys):
 
     # Of `--config small=false` Snakemake makes a word.
     small: Annotated[bool, pydantic.Strict(False)] = key(
-        True, "as written; false: the keys of `full_size` replace those of the same name"
+        True,
+        "as written; false: the keys of `full_size` replace those of the same name",
     )
     full_size: dict[str, Any] | None = key(
         None, "keys that replace the config's own where `small` is false"
     )
-    seed: int = key(0, "random seed of scene, poses and trainings", least=0, most=2**32 - 1)
+    seed: int = key(
+        0, "random seed of scene, poses and trainings", least=0, most=2**32 - 1
+    )
     preflight: bool = key(
         True,
         "hours, memory and disk are estimated before any training; false starts at "
         "once",
     )
-    scenes: named(Scene, NAME) = key(
-        what="name -> where images and cameras come from"
-    )
+    scenes: named(Scene, NAME) = key(what="name -> where images and cameras come from")
     decide: bool = key(
         False,
         "settings that the config leaves out follow from the photos: downscale, near, "

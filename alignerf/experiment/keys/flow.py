@@ -27,7 +27,9 @@ class Flow(Keys):
         "estimator by which that blur is found; null: the same; a fast one finds the "
         "same blur in a third of the time",
     )
-    kernel: Literal["lanczos", "cubic", "bilinear"] = key("lanczos", "interpolation of warps")
+    kernel: Literal["lanczos", "cubic", "bilinear"] = key(
+        "lanczos", "interpolation of warps"
+    )
     tolerance_px: float = key(
         1.0,
         "largest forward-backward disagreement of a valid pixel, in px",

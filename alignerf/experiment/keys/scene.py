@@ -57,9 +57,7 @@ class Crop(Keys):
         None,
         "a method of that scene, whose cameras the crops have; null: the input ones",
     )
-    count: int = key(
-        1, "crops of each photo", least=1, most=16
-    )
+    count: int = key(1, "crops of each photo", least=1, most=16)
 
 
 class Common(Keys):

@@ -30,7 +30,10 @@ class Training(Keys):
         length=(2, 2),
     )
     warmup_steps: int | None = key(
-        None, "steps of warm-up, a sine from 1 %; null: a tenth of the steps", least=0, most=10**8
+        None,
+        "steps of warm-up, a sine from 1 %; null: a tenth of the steps",
+        least=0,
+        most=10**8,
     )
     hold_fraction: float = key(
         0.5,
