@@ -1,16 +1,17 @@
-# make run    the default experiment, from nothing to its verdict; VERBOSE=1 shows all
-# make show   its tables
-# make photos FOLDER=my_photos    the same of your own photos or film, to a page
+# make run    the demo, from nothing to its verdict; VERBOSE=1 shows all
+# make show   its tables and verdict again
+# make photos FOLDER=my_photos    your photos or videos, to a verdict and a page
 # make poses FOLDER=my_scan       check and adjust the cameras that came with photos
-# make judge PHOTOS=photos RENDERS=renders CAMERAS=sparse/0    what another program trained
-# make judge PHOTOS=photos SPLAT=model.ply CAMERAS=sparse/0    the same, of a splat's file
-# make export SCENE=my_photos  its photos, cameras and points for other programs; WIDTH=1600
+# make judge PHOTOS=photos RENDERS=renders CAMERAS=sparse/0    renders of another program
+# make judge PHOTOS=photos SPLAT=model.ply CAMERAS=sparse/0    a splat's file
+# make export SCENE=my_photos  photos, cameras and points for other programs; WIDTH=1600
+# For developers:
 # make test   the test suite
-# make tools  tests of what stands beside it: toys, benchmarks, torture, packaging, browser
+# make tools  tests of extensions, benchmarks, torture, packaging and the page in a browser
 # make bench  measurements into results/bench/; PEER=checkout of multinerf beside ours
-# make flow_benchmark  how right and how fast the flow estimators are
-# make peers PEERS=folder  ours beside the papers' released code (tools/peers.py)
-# make torture  the attack: damaged inputs, kills, full disks; within an hour
+# make flow_benchmark  error and speed of the flow estimators
+# make peers PEERS=folder  results beside those of the papers' released code (tools/peers.py)
+# make torture  damaged inputs, kills, full disks; within an hour
 # make docs   tables and figures of docs/ from the CSVs in docs/measured/
 # make site   these pages as a site with a search, in site/, with the demo's page in it
 # make lint   formatters, linters, workflow checks

@@ -14,7 +14,7 @@ HELP = """\
 What blurs a NeRF or a splat, and what to do first.
 
     why-blurry demo                the embedded scene, from nothing to its verdict
-    why-blurry photos my_photos    your own photos or film, to a verdict and a page
+    why-blurry photos my_photos    your own photos or videos, to a verdict and a page
     why-blurry poses my_scan       check and adjust cameras that came with photos
     why-blurry judge --photos photos --renders renders --cameras sparse/0
                                    what another program trained
