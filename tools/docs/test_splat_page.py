@@ -6,6 +6,7 @@ the trainer would have written is put where they say. Trainers themselves are no
 
 import re
 import shlex
+import shutil
 from pathlib import Path
 
 import numpy as np
@@ -18,7 +19,8 @@ from alignerf.splats import ply, rasterize
 from tests import judged_cases as cases
 from tests import splat_cases
 
-LINE = re.compile(r"^    make judge (.+)$", re.MULTILINE)
+LINE = re.compile(r"^    make judge ((?:.+\\\n)*.+)$", re.MULTILINE)
+KINDS = ("ply", "nerfstudio", "gsplat", "3dgs", "again")
 SIZE, CAMTOPIX = cases.SIZE, cases.CAMTOPIX
 
 
@@ -26,9 +28,16 @@ SIZE, CAMTOPIX = cases.SIZE, cases.CAMTOPIX
 def lines(root):
     """{what judges: its arguments} in the order of the page."""
     page = (root / "docs" / "howto" / "splat.md").read_text()
-    words = [shlex.split(line) for line in LINE.findall(page)]
+    words = [shlex.split(line.replace("\\\n", "")) for line in LINE.findall(page)]
     found = [dict(word.split("=", 1) for word in line) for line in words]
-    return dict(zip(("ply", "nerfstudio", "gsplat", "3dgs"), found, strict=True))
+    return dict(zip(KINDS, found, strict=True))
+
+
+def arguments(words):
+    """Those of `judge` that the Makefile makes of a line's words."""
+    more = shlex.split(words["JUDGE"])
+    given = {name: value for name, value in words.items() if name != "JUDGE"}
+    return [*(f"--{name.lower()}={value}" for name, value in given.items()), *more]
 
 
 @pytest.fixture
@@ -100,15 +109,30 @@ def test_a_line_of_the_page_is_taken_as_it_stands(here, lines, capsys, kind):
     words = lines[kind]
     if kind != "ply":
         renders(kind, here / words["RENDERS"])
-    options = [f"--{name.lower()}={value}" for name, value in words.items()]
-    judge.main([*options, "--only-config"])
+    judge.main([*arguments(words), "--only-config"])
     said = capsys.readouterr().out
     assert f"{len(cases.NAMES)} pairs of photo and render" in said
-    assert "config: results/" in said
+    assert "config: results/first.yaml" in said
     if kind == "ply":
         assert "3,000 Gaussians rendered, their world as the cameras'" in said
     else:
         assert "1 of 8 were held out" in said
+
+
+def test_a_second_judgement_takes_the_export_of_the_first(here, lines, capsys):
+    """Where the page says, and is compared with the first one."""
+    first, words = here / "results" / "first", lines["again"]
+    export = first / "theirs" / "export" / "cameras"
+    assert Path(words["CAMERAS"]) == (export / "transforms.json").relative_to(here)
+    export.parent.mkdir(parents=True)
+    shutil.copytree(here / "DATA", export)
+    (first / ".why-blurry").touch()
+    (first / "verdict.json").write_text("{}")
+    renders("nerfstudio", here / words["RENDERS"])
+    judge.main([*arguments(words), "--only-config"])
+    said = capsys.readouterr().out
+    assert "compared with results/first" in said
+    assert "config: results/second.yaml" in said
 
 
 PLY = ("--photos=DATA/images", "--cameras=DATA/sparse/0", "--only-config")
