@@ -16,8 +16,8 @@ CAUSE = base.Cause(
     value=lambda e: e.blurred_fraction,
     limit=lambda e: BLURRED_VIEWS,
     called="some photos are {probably}blurred",
-    sentence="{value:.0f} % of the photos are {probably}blurred: they have less detail "
-    "than their renders.",
+    sentence="{value:.0f} % of the photos are {probably}blurred: they are less "
+    "sharp than their renders.",
     advice="leave out the blurred photos, see tables/views.csv.",
     advice_external="leave out the blurred photos, see tables/views.csv, and train "
     "again.",

@@ -37,10 +37,10 @@ SPARSE = base.Cause(
     limit=lambda e: GAP_DB,
     decide=sparse,
     explains=("motion",),
-    spoils="photos do not fix the scene's shape",
+    spoils="photos do not determine the geometry",
     called="photos are {probably}too few or too far apart",
-    sentence="Photos are {probably}too few or too far apart: those learnt from are "
-    "matched to {e.psnr_train_db:.1f} dB, held-out ones to {e.psnr_test_db:.1f}.",
+    sentence="Photos are {probably}too few or too far apart: training photos reach "
+    "{e.psnr_train_db:.1f} dB, held-out ones {e.psnr_test_db:.1f}.",
     advice="take more photos between those you have. Warping would not help.",
     advice_external="take more photos between those you have. Warping would not help.",
 )
@@ -58,11 +58,11 @@ def counted(e, probably):
     """A sentence on how many photos there are."""
     if e.judged:
         return (
-            f"{shift.views(e)} renders are few: {shift.FEW_TRAIN_VIEWS} are the least."
+            f"{shift.views(e)} renders are few: {shift.FEW_TRAIN_VIEWS} is the minimum."
         )
     return (
-        f"{e.train_views} photos to learn from and {e.test_views} to judge by are few: "
-        f"{shift.FEW_TRAIN_VIEWS} and {shift.FEW_TEST_VIEWS} are the least."
+        f"{e.train_views} training and {e.test_views} held-out photos are few: "
+        f"{shift.FEW_TRAIN_VIEWS} and {shift.FEW_TEST_VIEWS} are the minimum."
     )
 
 
@@ -131,8 +131,8 @@ FLOATERS = base.Cause(
     ),
     says=lambda e: f"in {base.number(e.hidden_views)} views",
     called="floaters {probably}hide parts of views",
-    sentence="Floaters {probably}hide parts of {e.hidden_views:.0f} views: close to "
-    "the camera something is rendered that the photo does not show.",
+    sentence="Floaters {probably}hide parts of {e.hidden_views:.0f} views: renders show "
+    "something close to the camera that is not in the photo.",
     advice="",
     advice_external="take more photos where floaters hang, or prune what is near the "
     "cameras before exporting the splat.",

@@ -45,8 +45,8 @@ CHANGES = base.Cause(
     called="exposure {probably}changes",
     sentence="Exposure {probably}changes between photos, by {value:.2f} stops "
     "(standard deviation).",
-    advice="fix the exposure, or even it out before training.",
-    advice_external="fix the exposure, even it out before training, or switch on your "
+    advice="lock the exposure, or even it out before training.",
+    advice_external="lock the exposure, even it out before training, or enable your "
     "program's appearance model.",
 )
 
@@ -81,7 +81,7 @@ def not_by_blur(e):
 TONE = base.Cause(
     name="tone",
     order=(13, 5.1, 4.5),
-    label="tone of all renders",
+    label="tone curve of the renders",
     unit="stops",
     value=lambda e: max(curve(e).values(), default=math.nan),
     limit=lambda e: TONE_EV,
@@ -89,12 +89,12 @@ TONE = base.Cause(
     looked_for=lambda e: bool(e.judged),
     explains=("sparse", "motion", "floaters"),
     explains_now=lambda e: max(curve(e).values()) > STRONG_EV,
-    spoils="renders have another tone",
+    spoils="renders have another tone curve",
     stands=not_by_blur,
-    called="renders {probably}have another tone than their photos",
+    called="renders {probably}have another tone curve than their photos",
     sentence=toned,
     advice="",
     advice_external="write the renders in sRGB, as the photos are, and judge again: "
-    "colours that are linear, or have a gamma curve twice, are off throughout.",
+    "linear colors, or a gamma curve applied twice, shift all of them.",
 )
 CAUSE = [CHANGES, TONE]

@@ -149,19 +149,19 @@ SHIFT = cause(
     label="principal point",
     called="the principal point is {probably}off",
     sentence=lambda e, probably: (
-        f"The principal point is {probably}off: matches between photos ask for one "
-        f"that lies {base.length(part_px(e, 'centre'))} away."
+        f"The principal point is {probably}off: matches between photos put it "
+        f"{base.length(part_px(e, 'centre'))} away."
         if part_px(e, "centre")
-        else f"All photos are {probably}shifted alike, by "
+        else f"All photos are {probably}misaligned alike, by "
         f"{base.length(e.photo_px * e.shift_px)}: the principal point is wrong, or "
-        "pixel centres lie half a pixel off."
+        "pixel centers are half a pixel off."
     ),
-    advice="check pixel centres and principal point of the given cameras.",
+    advice="check the pixel centers and principal point of the input cameras.",
     advice_external=lambda e, gains: (
         CORRECTED
         if part_px(e, "centre") and corrects(e)
-        else "check pixel centres and principal point in what you gave the program: "
-        "shifts of half a pixel come from a wrong origin of pixels."
+        else "check the pixel centers and principal point that your program had: half a "
+        "pixel of misalignment comes from a wrong origin of pixels."
     ),
 )
 DISTORTION = cause(
@@ -173,10 +173,10 @@ DISTORTION = cause(
     order=(4, 7, 3),
     label="lens distortion",
     called="the lens distortion is {probably}wrong",
-    sentence="All photos are {probably}bent alike, by {px} at the corners: the lens's "
-    "distortion is wrong.",
-    advice="calibrate the lens anew, or let COLMAP find it.",
-    advice_external="calibrate the lens anew, or undistort the photos first.",
+    sentence="All photos are {probably}distorted alike, by {px} at the corners: the "
+    "lens distortion is wrong.",
+    advice="calibrate the lens again, or let COLMAP estimate it.",
+    advice_external="calibrate the lens again, or undistort the photos first.",
 )
 FOCAL = cause(
     "focal",
@@ -186,7 +186,7 @@ FOCAL = cause(
     looked_for=lambda e: bool(e.matches and e.matches.lens),
     called="the focal length is {probably}off",
     sentence=lambda e, probably: (
-        f"The focal length is {probably}off: matches between photos ask for "
+        f"The focal length is {probably}off: matches between photos fit "
         f"{by_matches(e).focal_ratio:.4f} times the one in use."
     ),
     advice=lambda e, gains: (
@@ -209,9 +209,9 @@ SHUTTER = cause(
     called="a rolling shutter {probably}skews the photos",
     sentence="A rolling shutter {probably}skews the photos: by {px} from the first row "
     "to the last of the median photo, with the camera's motion.",
-    advice="move the camera slower, or take photos instead of a film. Nothing here "
-    "undoes a rolling shutter.",
-    advice_external="move the camera slower, or take photos instead of a film; some "
+    advice="move the camera slower, or take photos instead of a video. Nothing here "
+    "corrects a rolling shutter.",
+    advice_external="move the camera slower, or take photos instead of a video; some "
     "programs model a rolling shutter.",
 )
 CAUSE = [SHIFT, DISTORTION, FOCAL, SHUTTER]

@@ -34,9 +34,9 @@ CAUSE = base.Cause(
     value=lambda e: e.moved_fraction,
     limit=lambda e: MOVED_FRACTION,
     stands=lambda e: e.moved_fraction > MOVED_ANYWAY,
-    called="the scene {probably}moved",
-    sentence="The scene {probably}moved between photos: {value:.0f} % of a photo moves "
-    "by itself, apart from the camera.",
+    called="things {probably}moved",
+    sentence="Things {probably}moved between photos: {value:.0f} % of a photo moves "
+    "independently of the camera.",
     advice=advise,
     advice_external="train again on the warped photos: `{export}` writes them.",
 )

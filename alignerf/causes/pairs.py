@@ -33,9 +33,9 @@ COPIES = base.Cause(
     decide=lambda e: (e.copies, True) if e.copies else None,
     says=lambda e: f"{e.copies or 'none'} of {e.train_views + e.test_views}",
     called="photos are there twice",
-    sentence="{e.copies} photos show what another one shows, from the same place: a "
-    "held-out photo that was also learnt from tests nothing.",
-    advice="leave one of each two copies out.",
-    advice_external="leave one of each two copies out, and train again.",
+    sentence="{e.copies} photos duplicate another one: a held-out photo that is also "
+    "a training photo tests nothing.",
+    advice="leave one of each two duplicates out.",
+    advice_external="leave one of each two duplicates out, and train again.",
 )
 CAUSE = [PAIRS, COPIES]

@@ -46,8 +46,8 @@ OTHERS = base.Cause(
     sentence="Training was {probably}too short: renders have {value:.2g} of their "
     "photos' detail, at two to four pixels, and matches find no wrong poses.",
     advice="train longer first.",
-    advice_external="train longer first, then judge again: blurred renders tell "
-    "nothing of alignment.",
+    advice_external="train longer first, then judge again: blurred renders do not "
+    "show misalignment.",
 )
 SMALLER = base.Cause(
     name="half_size",
@@ -60,8 +60,8 @@ SMALLER = base.Cause(
     explains=("motion",),
     spoils="renders are of smaller photos",
     called="training {probably}had smaller photos",
-    sentence="Training {probably}had smaller photos than these: the finest detail of "
-    "renders is {value:.2g} of the coarser.",
+    sentence="Training {probably}had smaller photos than these: renders lack the "
+    "finest octave of detail ({value:.2g} of the next).",
     advice="train at the size of the photos (downscale).",
     advice_external="train with photos of the size that is judged, or judge with those "
     "that were trained on: `-r 1` or --downscale-factor 1 of many programs.",

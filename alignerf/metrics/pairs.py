@@ -48,7 +48,7 @@ KINDS = {
     "copy": "copies of their photos",
     "flat": "of one colour",
     "empty": "empty where their photos show something",
-    "swapped": "of other photos than they are named like",
+    "swapped": "of other photos than those of the same name",
     "turned": "turned or mirrored",
     "strange": "of none of these photos",
     "bright": f"over {MAX_STOPS:g} stops brighter or darker than their photos",
@@ -56,10 +56,10 @@ KINDS = {
 ADVICE = {
     "copy": "give the program's renders: RENDERS holds photos.",
     "flat": "look at the renders: the training may have failed.",
-    "empty": "render whole photos; what has to stay empty gets an alpha of 0.",
+    "empty": "render whole photos; give alpha 0 where a render must be empty.",
     "swapped": "give each render the name of its photo, and judge again.",
-    "turned": "turn photos and renders alike: EXIF may say how, or cameras. A mirrored "
-    "photo is of another place to all programs.",
+    "turned": "rotate photos and renders alike: EXIF or cameras may say how. No program "
+    "can use a mirrored photo.",
     "strange": "give photos and renders of one capture.",
     "bright": "give renders as PNG or JPEG in sRGB, as the photos are.",
 }

@@ -22,6 +22,8 @@ RIGHT = {
 FALSE_EACH = 0.08
 # A bar's mark, where the limit is, in shares of its width; and the least that is seen.
 MARK, LEAST = 0.5, 0.02
+# Of an interval so wide a hundredth says nothing.
+WIDE_DB = 0.2
 
 
 def read(folder):
@@ -66,8 +68,8 @@ def gauge(one):
 def fixes(tried):
     """{rows, zero, against} of the fixes of a run; None where nothing was tried.
 
-    Rows have `start`, `width`, `low_at` and `high_at` of their bars, and all is in
-    percent of the widest. against: test sets, in words, and each row's own where they
+    Rows have `start`, `width`, `low_at` and `span` of their bars, in percent of all
+    bars' width, and `text_of` gain and interval. against: test sets, in words, and each row's own where they
     differ.
     """
     if not tried:
@@ -95,11 +97,19 @@ def fixes(tried):
                 "notes": [*apart, *one["notes"]],
                 "start": at(min(one["db"], 0)),
                 "width": at(max(one["db"], 0)) - at(min(one["db"], 0)),
+                "text_of": spoken(one),
                 "low_at": at(one["low"]),
                 "span": at(one["high"]) - at(one["low"]),
             }
         )
     return {"rows": rows, "zero": at(0.0), "against": ", ".join(filter(None, against))}
+
+
+def spoken(one):
+    """(gain, interval) in words, to a tenth of a dB where the interval is that wide."""
+    decimals = 1 if one["high"] - one["low"] >= WIDE_DB else 2
+    db, low, high = (f"{one[key]:+.{decimals}f}" for key in ("db", "low", "high"))
+    return db, f"{low} to {high}"
 
 
 def summary(scene, told, facts, export):

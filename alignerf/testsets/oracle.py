@@ -1,4 +1,4 @@
-"""The true scene, where that is known: all of it, what is still, and what moves."""
+"""Ground truth, where it is known: all of it, what is still, and what moves."""
 
 from alignerf.testsets.base import QUALITY, Quantity, TestSet, oracle
 
@@ -16,7 +16,7 @@ TEST_SETS = [
         difference=Quantity("oracle_gain", 110, "oracle gain"),
         fair_for=frozenset({"cameras", "photos"}),
         preference=10,
-        against="against the true scene",
+        against="against ground truth",
     ),
     TestSet(
         name="oracle_still",

@@ -1,7 +1,7 @@
-"""Make the picture of the demo's page: `python -m tools.docs.screenshot INDEX.html`.
+"""Make the pictures of the demo's page: `python -m tools.docs.screenshot INDEX.html`.
 
-docs/pictures/page.png: the upper part of the page. docs/pictures/page.txt: the lines of
-the verdict that it shows, which a test compares with what the docs say.
+docs/pictures/page.jpg: the upper part of the page, which README shows; page_WIDTH_THEME.jpg:
+the same as wide as a screen, a tablet and a phone, light and dark, for the eye.
 docs/outputs/verdict.txt: the verdict as a run prints it, for `make docs` to quote.
 Needs chromium with its chromedriver.
 """
@@ -14,13 +14,13 @@ from pathlib import Path
 
 from PIL import Image
 from selenium import webdriver
-from selenium.webdriver.common.by import By
 from selenium.webdriver.support.ui import WebDriverWait
 
 from alignerf.experiment import targets
 
-# Of the page; the picture is smaller.
-WIDTH_PX, HEIGHT_PX, WINDOW_PX, SCALE = 1000, 1420, 2000, 0.8
+# The page's widths in px, and how many screens of it are shown.
+WIDTHS, THEMES, SCREENS = (1400, 800, 400), ("light", "dark"), 2.2
+SCREEN_PX, QUALITY = 900, 82
 SWITCHES = ("headless=new", "no-sandbox", "disable-gpu", "disable-dev-shm-usage")
 SWITCHES += ("hide-scrollbars", "force-color-profile=srgb")
 READY = "return document.querySelector('#slider').classList.contains('rendered')"
@@ -34,23 +34,22 @@ def main(argv=None):
     pictures = args.root / "docs" / "pictures"
     browser = started()
     try:
-        browser.get(args.page.resolve().as_uri())
-        WebDriverWait(browser, 20).until(lambda one: one.execute_script(READY))
-        lines = browser.find_elements(
-            By.CSS_SELECTOR, "h1, #verdict li, #verdict .todo"
-        )
-        text = "".join(f"{line.text}\n" for line in lines)
-        clip = {"x": 0, "y": 0, "width": WIDTH_PX, "height": HEIGHT_PX, "scale": SCALE}
-        picture = browser.execute_cdp_cmd("Page.captureScreenshot", {"clip": clip})
+        for width in WIDTHS:
+            for theme in THEMES:
+                image = taken(browser, args.page.resolve().as_uri(), width, theme)
+                image.save(pictures / f"page_{width}_{theme}.jpg", quality=QUALITY)
+                if (width, theme) == (WIDTHS[0], THEMES[0]):
+                    image.crop((0, 0, width, int(1.2 * SCREEN_PX))).save(
+                        pictures / "page.jpg", quality=QUALITY
+                    )
     finally:
         browser.quit()
-    write(pictures, picture["data"], text)
     folder = args.page.resolve().parent
     (args.root / "docs" / "outputs" / "verdict.txt").write_text(printed(folder))
 
 
 def started():
-    """A headless browser, its page as wide as the picture."""
+    """A headless browser."""
     found = shutil.which("chromium") or shutil.which("chromium-browser")
     driver = shutil.which("chromedriver")
     if not (found and driver):
@@ -60,18 +59,23 @@ def started():
     for switch in SWITCHES:
         options.add_argument(f"--{switch}")
     service = webdriver.ChromeService(executable_path=driver)
-    browser = webdriver.Chrome(options=options, service=service)
-    size = {"width": WIDTH_PX, "height": WINDOW_PX}
-    size |= {"deviceScaleFactor": 1, "mobile": False}
+    return webdriver.Chrome(options=options, service=service)
+
+
+def taken(browser, address, width, theme):
+    """The upper part of a page as an image [SCREENS * SCREEN_PX, width]."""
+    size = {"width": width, "height": SCREEN_PX, "deviceScaleFactor": 1}
+    size["mobile"] = False
     browser.execute_cdp_cmd("Emulation.setDeviceMetricsOverride", size)
-    return browser
-
-
-def write(folder, data, text):
-    """The picture, of few colours, and what it says."""
-    image = Image.open(io.BytesIO(base64.b64decode(data))).convert("RGB")
-    image.quantize(256).save(folder / "page.png", optimize=True)
-    (folder / "page.txt").write_text(text)
+    features = [{"name": "prefers-color-scheme", "value": theme}]
+    browser.execute_cdp_cmd("Emulation.setEmulatedMedia", {"features": features})
+    browser.get(address)
+    WebDriverWait(browser, 20).until(lambda one: one.execute_script(READY))
+    clip = {"x": 0, "y": 0, "width": width, "scale": 1}
+    clip["height"] = int(SCREENS * SCREEN_PX)
+    wanted = {"clip": clip, "captureBeyondViewport": True}
+    picture = browser.execute_cdp_cmd("Page.captureScreenshot", wanted)
+    return Image.open(io.BytesIO(base64.b64decode(picture["data"]))).convert("RGB")
 
 
 def printed(folder):

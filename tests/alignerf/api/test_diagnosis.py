@@ -54,9 +54,9 @@ def test_it_says_what_the_command_says(report, tmp_path):
     assert str(report).startswith("VERDICT ")
     found = {cause.name: cause for cause in report.causes}
     shifted = found["lens_shift"]
-    assert (shifted.level, shifted.unit) == ("sure", "px")
+    assert (shifted.level, shifted.unit) == ("faulty", "px")
     assert shifted.value == pytest.approx(1, abs=0.1)
-    assert shifted.sentence.startswith("All photos are shifted alike")
+    assert shifted.sentence.startswith("All photos are misaligned alike")
     assert list(report.views.split) == ["train"] * (N - 1) + ["test"]
     report.save(tmp_path / "report.html")
     text = (tmp_path / "report.html").read_text()

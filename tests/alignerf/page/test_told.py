@@ -56,6 +56,7 @@ def test_bars_of_fixes_share_a_scale_with_a_zero():
     assert (first["start"], first["width"]) == pytest.approx((34.78, 52.17), abs=0.01)
     assert second["start"] + second["width"] == pytest.approx(found["zero"])
     assert (first["kind"], second["kind"]) == ("ok", "faulty")
+    assert first["text_of"] == ("+1.2", "+0.9 to +1.5")
     unclear = told.fixes([cases.fix("c", 0.1)])["rows"][0]
     assert (unclear["kind"], unclear["sign"]) == ("unclear", "\u2013")
     assert told.fixes([]) is None
