@@ -74,7 +74,7 @@ def test_all_say_the_same_version():
     """pyproject.toml, CITATION.cff, the first of CHANGELOG.md, and the program."""
     citation = yaml.safe_load((ROOT / "CITATION.cff").read_text())
     heads = re.findall(r"^## (.+)$", (ROOT / "CHANGELOG.md").read_text(), re.MULTILINE)
-    assert heads[0] == f"{citation['version']} - {citation['date-released']}"
+    assert heads[0] == f"[{citation['version']}] - {citation['date-released']}"
     assert alignerf.__version__ == project()["version"] == citation["version"]
 
 

@@ -7,11 +7,12 @@ import importlib
 import os
 import sys
 
+import alignerf
 from alignerf.io import faults, provenance
 from alignerf.io.environment import switches
 
 HELP = """\
-What blurs a NeRF or a splat, and what to do first.
+why-blurry: why a NeRF or a Gaussian splat is blurry, and what to do first.
 
     why-blurry demo                the embedded scene, from nothing to its verdict
     why-blurry photos my_photos    your own photos or videos, to a verdict and a page
@@ -21,8 +22,8 @@ What blurs a NeRF or a splat, and what to do first.
     why-blurry export my_photos    photos, cameras and points for other programs
     why-blurry show                the finished tables, and the verdict again
 
-Each has --help. Results lie in results/ of the folder that it is called in. VERBOSE=1
-before it shows all that Snakemake prints.
+Each has --help; --version says which this is. Results lie in results/ of the folder
+that it is called in. VERBOSE=1 before it shows all that Snakemake prints.
 """
 # {word: the module that it runs}.
 COMMANDS = {
@@ -43,6 +44,9 @@ def main(words=None):
 def run(command="--help", *words):
     if command in ("-h", "--help"):
         print(HELP.strip())
+        return
+    if command == "--version":
+        print(f"why-blurry {alignerf.__version__}")
         return
     if command not in COMMANDS:
         known = ", ".join(COMMANDS)

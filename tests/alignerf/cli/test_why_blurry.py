@@ -5,6 +5,7 @@ import tomllib
 
 import pytest
 
+import alignerf
 from alignerf.cli import configs, demo, why_blurry, workflow
 from alignerf.experiment import targets
 from alignerf.io import provenance
@@ -39,6 +40,11 @@ def test_each_command_has_its_help(typed, capsys, command):
 def test_without_words_it_says_what_there_is(typed, capsys, words):
     assert typed(*words) == 0
     assert "why-blurry photos my_photos" in capsys.readouterr().out
+
+
+def test_it_says_its_version(typed, capsys):
+    assert typed("--version") == 0
+    assert capsys.readouterr().out == f"why-blurry {alignerf.__version__}\n"
 
 
 @pytest.mark.parametrize(
