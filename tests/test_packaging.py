@@ -8,6 +8,7 @@ import zipfile
 
 import pytest
 
+import alignerf
 from alignerf.scenes import photos
 
 # Imports each name and prints where it came from, in an interpreter of its own.
@@ -115,6 +116,11 @@ def test_the_command_finds_the_workflow_from_anywhere(installed, tmp_path):
     code, said = run(installed, tmp_path, command, "export", "other")
     assert (code, said.count("\n")) == (1, 1)
     assert "run `why-blurry photos other` first" in said
+
+
+def test_the_command_says_the_version_that_is_installed(installed, tmp_path):
+    said = run(installed, tmp_path, installed / "bin" / "why-blurry", "--version")
+    assert said == (0, f"why-blurry {alignerf.__version__}\n")
 
 
 def test_every_module_imports_from_where_the_wheel_is_installed(
