@@ -44,7 +44,8 @@ const look = (() => {
 
   function title(name) {
     if (name === "render" && after) return "before any fix";
-    return name === after ? `after: ${name.replace(/^render,? ?/, "")}` : name;
+    const whose = name.replace(/^render,? ?/, "");
+    return name !== after || whose.startsWith("after") ? whose || name : `after: ${whose}`;
   }
 
   // The shift as arrows, from the middles of squares.

@@ -23,7 +23,7 @@ FALSE_EACH = 0.08
 # A bar's mark, where the limit is, in shares of its width; and the least that is seen.
 MARK, LEAST = 0.5, 0.02
 # Of an interval so wide a hundredth says nothing.
-WIDE_DB = 0.2
+WIDE_DB = 0.5
 
 
 def read(folder):

@@ -41,7 +41,8 @@ def sentences(e, views, gains=()):
     odd = [f"{view.view}: {view.stands_out}" for view in views if view.stands_out]
     more = f"; {len(odd) - 3} more in tables/views.csv" if len(odd) > 3 else ""
     photos = [f"Photos that stand out: {'; '.join(odd[:3])}{more}."] if odd else []
-    return [*poses(e), *of_crops, whole_photos(e), *of_others, *photos, *perturbed(e)]
+    of_poses = poses(e, [gain for gain in gains if gain.matches])
+    return [*of_poses, *of_crops, whole_photos(e), *of_others, *photos, *perturbed(e)]
 
 
 def perturbed(e):
@@ -50,8 +51,11 @@ def perturbed(e):
     return [f"The config perturbs the poses by {px} (perturb_px)."] * bool(e.perturb_px)
 
 
-def poses(e):
-    """What bundle adjustment says of the cameras, where it was asked."""
+def poses(e, tried=()):
+    """What bundle adjustment says of the cameras, where it was asked.
+
+    tried: fixes that say how near matches are by them.
+    """
     if not e.matches:
         return []
     m = e.matches
@@ -68,7 +72,8 @@ def poses(e):
         what = "a method with adjust: true, or poses: adjusted, corrects them"
     off = f"{length(m.pose_error_px)} of the photo (worst view {length(m.worst_px)})"
     verb = "were" if m.applied else "are"
-    return [f"Poses {verb} off by {off}: {what}. Held-out matches: {change}."]
+    found = "" if tried else f" Held-out matches: {change}."
+    return [f"Poses {verb} off by {off}: {what}.{found}"]
 
 
 def whole_photos(e):

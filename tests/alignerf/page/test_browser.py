@@ -80,9 +80,9 @@ def test_it_opens_with_before_and_after_and_says_so(opened):
         assert image.get_attribute("naturalWidth") == "36"
         assert image.get_attribute("alt") == f"{layer} of 03"
     said = opened.find_element(By.ID, "caption").text
-    assert "Left: render by base, before any repair, 6.0 px from the photo" in said
+    assert "Left: render by base, before any fix, 6.0 px from the photo" in said
     assert "Right: render by base after round 1" in said
-    assert opened.find_element(By.ID, "tag-left").text == "before any repair"
+    assert opened.find_element(By.ID, "tag-left").text == "before any fix"
 
 
 def test_the_slider_moves_by_keyboard_and_by_pointer(opened):
@@ -154,7 +154,7 @@ def test_panes_zoom_and_move_together(opened):
     assert len(moves(opened)) == 3
     names = opened.find_elements(By.CSS_SELECTOR, "#panes figcaption")
     assert [name.text for name in names] == [
-        *("photo", "before any repair", "after: after round 1"),
+        *("photo", "before any fix", "after round 1"),
     ]
     opened.find_element(By.CSS_SELECTOR, "#panes .stage").send_keys("++")
     first = moves(opened)
@@ -182,7 +182,7 @@ def test_crops_are_at_the_photos_own_size(browser, render, results, crops):
     script = "return document.querySelector('#second').style.transform"
     moved = "translate(25%, -12.5%)"
     WebDriverWait(browser, 5).until(lambda b: b.execute_script(script) == moved)
-    assert "own size" in browser.find_element(By.ID, "caption").text
+    assert "full resolution" in browser.find_element(By.ID, "caption").text
 
 
 def test_arrows_are_drawn_where_they_are_asked_for(opened):
@@ -256,7 +256,7 @@ def test_tables_sort_by_number_and_back(opened):
     unfold(opened, "views")
     heading = opened.find_element(By.CSS_SELECTOR, "#views th:nth-child(3)")
     heading.click()
-    in_order = ["9.00", "3.00", "0.50", "0.50", "0.10"]
+    in_order = ["18.00", "6.00", "1.00", "1.00", "0.20"]
     WebDriverWait(opened, 5).until(lambda d: texts(d, "views", 3) == in_order)
     heading.send_keys(keys.Keys.ENTER)
     WebDriverWait(opened, 5).until(lambda d: texts(d, "views", 3) == in_order[::-1])
@@ -310,6 +310,7 @@ def test_the_page_is_dark_where_that_is_asked_for(opened):
 
 
 def test_its_links_open(opened, results):
+    unfold(opened, "downloads")
     for link in opened.find_elements(By.CSS_SELECTOR, "#downloads a"):
         path = pathlib.Path(results, link.text)
         assert path.is_file()
