@@ -21,8 +21,7 @@ from alignerf.scenes import photos, prepare, prepared
 
 log = logging.getLogger(__name__)
 
-# Of a film that is none we say so. FFmpeg asks for its level at the first film.
-os.environ.setdefault("OPENCV_FFMPEG_LOGLEVEL", "-8")
+# Of a film that is none we say so.
 cv2.utils.logging.setLogLevel(cv2.utils.logging.LOG_LEVEL_ERROR)
 
 SUFFIXES = frozenset([".mp4", ".mov", ".m4v", ".avi", ".mkv", ".webm"])
@@ -236,6 +235,8 @@ def opened(path):
         head = file.read(12)
     # FFmpeg would follow what a list of other files names, which may be anywhere.
     is_known = head[4:8] in OF_QUICKTIME or head[:4] in (b"RIFF", MATROSKA)
+    # FFmpeg asks for its level at the first film; an import changes no variable.
+    os.environ.setdefault("OPENCV_FFMPEG_LOGLEVEL", "-8")
     # Another reader takes a % in a name for the numbers of many files.
     film = cv2.VideoCapture()
     try:
