@@ -1,19 +1,21 @@
-# AligNeRF (CVPR 2023): its misalignment analysis and its method, from photos to tables.
+# Why a NeRF or a splat is blurry, and AligNeRF (CVPR 2023): from photos to tables.
 #
-#   snakemake --cores N                    everything of the default config
-#   snakemake --cores N courtyard          one scene of the config
-#   snakemake --cores N preview            what it will cost, before any training
-#   snakemake --cores N tradeoff           what settings cost, and what they bring
-#   snakemake --cores N regimes            when each part of AligNeRF pays
-#   snakemake --cores N remedies           what to do with T minutes
-#   snakemake --cores N comparison         all systems on all scenes: Tables 2 and 3
-#   snakemake --cores N export             cameras and photos for other programs
-#   snakemake --cores N download_360_v2    the paper's scenes: 17 GB into 360_v2/
-#   snakemake --cores N --configfile workflow/config/own_photos.yaml
-# A target stands before --configfile, which takes all words that follow:
+#   snakemake --cores N                    make every scene of the default config
+#   snakemake --cores N courtyard          make one scene
+#   snakemake --cores N preview            print what it will cost, before any training
+#   snakemake --cores N export             write cameras and photos for other programs
+#   snakemake --cores N comparison         compare all methods: Tables 2 and 3
+#   snakemake --cores N regimes            show when each part of AligNeRF pays
+#   snakemake --cores N remedies           compare all fixes at equal training time
+#   snakemake --cores N tradeoff           compare what settings cost and bring
+#   snakemake --cores N download_360_v2    download the paper's scenes (17 GB)
+# All targets: snakemake --list-target-rules. All rules: snakemake --list.
+# Another config, after the target, since --configfile takes all words that follow:
 #   snakemake --cores N export --configfile workflow/config/own_photos.yaml
+# profiles/default holds the options that every command has.
 import gc
 import sys
+from pathlib import Path
 
 sys.path.insert(0, workflow.basedir)
 
@@ -79,6 +81,7 @@ include: "workflow/rules/results.smk"
 
 
 rule all:
+    """Make every scene: tables, figures, verdict and page"""
     default_target: True
     input:
         [targets.of_scene(experiment, name) for name in experiment.captures()],
@@ -116,7 +119,11 @@ onerror:
 for scene_name in experiment.scenes:
 
     rule:
+        """Make this scene: tables, figures, verdict and page"""
         name:
             scene_name
         input:
             targets.of_scene(experiment, scene_name),
+
+
+check.or_exit(targets.check_asked, workflow, experiment.scenes)

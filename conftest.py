@@ -142,9 +142,10 @@ def snakemake():
     environment = os.environ | {"PATH": os.pathsep.join([here, os.environ["PATH"]])}
 
     def run(folder, *arguments, root=ROOT, more=None):
-        command = [sys.executable, "-m", "snakemake", "--directory", folder]
+        command = [sys.executable, "-m", "snakemake", *dry_runs.PLAIN]
+        command += ["--directory", folder, "--snakefile", root / "Snakefile"]
         done = subprocess.run(
-            [*command, "--snakefile", root / "Snakefile", *arguments],
+            [*command, *arguments],
             stdout=subprocess.PIPE,
             stderr=subprocess.STDOUT,
             text=True,

@@ -14,6 +14,7 @@ DATA = {
     "alignerf.tables": ["*.yaml"],
     PIPELINE: [
         *("Snakefile", "environment.yml", "results/published/*.csv"),
+        "profiles/*/config.yaml",
         *(
             f"workflow/**/*.{kind}"
             for kind in ("smk", "yaml", "rst", "py", "txt", "md")

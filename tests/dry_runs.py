@@ -18,6 +18,9 @@ from pathlib import Path
 
 ROOT = Path(__file__).resolve().parent.parent
 OURS = ("alignerf", "flow")
+# Without profiles/default, which Snakemake says that it uses, and which goes on where a
+# job has failed.
+PLAIN = ("--workflow-profile", "none")
 
 
 class Planner:
@@ -37,7 +40,7 @@ class Planner:
                 stdout=subprocess.PIPE,
                 text=True,
             )
-        words = ["--directory", folder, "--snakefile", root / "Snakefile"]
+        words = [*PLAIN, "--directory", folder, "--snakefile", root / "Snakefile"]
         with tempfile.NamedTemporaryFile("r") as said:
             request = {
                 "words": [str(word) for word in (*words, *arguments)],

@@ -19,7 +19,8 @@ for name in sys.argv[1:]:
 """
 
 
-# Of the workflow, besides its folder.
+# Of the workflow, besides its folders.
+FOLDERS = ("workflow", "profiles")
 BESIDE, PUBLISHED = ("Snakefile", "environment.yml"), "results/published"
 
 
@@ -32,7 +33,7 @@ def wheel(root, tmp_path_factory):
     for name in ("pyproject.toml", "setup.py", "README.md", "LICENSE", *BESIDE):
         shutil.copy(root / name, source)
     # With the folders that are not to be installed.
-    for name in ("alignerf", "flow", "tests", "tools", "docs", "workflow", PUBLISHED):
+    for name in ("alignerf", "flow", "tests", "tools", "docs", *FOLDERS, PUBLISHED):
         unwanted = shutil.ignore_patterns("__pycache__")
         shutil.copytree(root / name, source / name, ignore=unwanted)
     pip("wheel", "--no-build-isolation", "--wheel-dir", folder, source)
@@ -68,7 +69,8 @@ def test_a_wheel_holds_every_module_and_all_that_lies_beside(root, wheel):
     beside = [*BESIDE, *(f"{PUBLISHED}/{name}.csv" for name in ("scenes", "tables"))]
     beside += [
         path.relative_to(root).as_posix()
-        for path in (root / "workflow").rglob("*")
+        for folder in FOLDERS
+        for path in (root / folder).rglob("*")
         if path.is_file() and "__pycache__" not in path.parts
     ]
     assert sorted(found) == sorted(ours + [f"alignerf/pipeline/{x}" for x in beside])

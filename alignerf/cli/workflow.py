@@ -58,7 +58,7 @@ def run(path, cores, *wanted, overrides=(), forced=(), first=()):
 
 def command_of(path, cores, wanted, overrides, forced, first=()):
     """Snakemake's words."""
-    profile = sources.PIPELINE / "workflow" / "profiles" / "default"
+    profile = sources.PIPELINE / "profiles" / "default"
     command = [sys.executable, "-m", "snakemake", "--cores", str(cores)]
     command += ["--snakefile", str(sources.PIPELINE / "Snakefile")]
     command += ["--workflow-profile", str(profile)]

@@ -1,6 +1,7 @@
 """What `snakemake SCENE` makes, and what it says in the end."""
 
 import atexit
+import difflib
 import os
 import re
 import shlex
@@ -118,6 +119,8 @@ def verdicts(scenes, export="", results="results"):
     return lines
 
 
+# Of a name that is meant and one that is typed, from 0 to 1.
+LIKENESS = 0.7
 # What Snakemake says of Ctrl-C, and of SIGTERM.
 STOPPED = "Terminating processes on user request"
 AS_ASKED = "stopped, as asked."
@@ -166,6 +169,28 @@ def replaced(experiment, dag):
             every = Path("results").glob(f"*/{name}/round*/*")
             found += [one for one in every if one.name in layout.FOLDERS]
     return found
+
+
+def check_asked(workflow, scenes):
+    """ValueError for a target that is no rule, scene or file, with the nearest name.
+
+    Snakemake has its targets only after it has read the Snakefile; until then they are
+    in its command line.
+    """
+    if not (workflow.is_main_process and "snakemake" in sys.argv[0]):
+        return
+    from snakemake import cli
+
+    asked, _ = cli.get_argument_parser().parse_known_args(sys.argv[1:])
+    known = [*scenes, *(rule.name for rule in workflow.rules)]
+    for name in asked.targets:
+        if not (name in known or "/" in name or os.path.exists(name)):
+            near = difflib.get_close_matches(name, known, 1, LIKENESS)
+            hint = f"; perhaps {near[0]!r}" if near else ""
+            raise ValueError(
+                f"{name}: no such scene or target{hint}. Scenes of this config: "
+                f"{', '.join(scenes)}. Other targets: snakemake --list-target-rules"
+            )
 
 
 def tidy(scenes):

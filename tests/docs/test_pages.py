@@ -200,7 +200,7 @@ def test_links_and_anchors_resolve(pages):
 
 
 def test_paths_exist(root, pages):
-    pattern = r"`((?:alignerf|flow|workflow|docs|tests)/[\w./-]+)`"
+    pattern = r"`((?:alignerf|flow|workflow|profiles|docs|tests)/[\w./-]+)`"
     named = {
         (page, path) for page in pages for path in re.findall(pattern, pages[page])
     }

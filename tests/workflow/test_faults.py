@@ -9,6 +9,7 @@ import yaml
 from PIL import Image
 
 from alignerf.io import owned
+from tests import dry_runs
 
 NOWHERE = {"source": "photos", "path": "no where"}
 TRAIN = {"scenes": {"train": {"source": "courtyard"}}}
@@ -59,6 +60,38 @@ def test_a_target_that_the_config_has_not_is_named(tmp_path, demo, dry_run):
     code, output = dry_run(*options, "regimes")
     assert code == 1
     assert output.splitlines()[-1].startswith("error: config: methods: regimes need")
+
+
+@pytest.mark.parametrize(
+    ("target", "hint"), [("curtyard", "; perhaps 'courtyard'"), ("x", "")]
+)
+def test_a_typo_among_targets_names_the_scenes(tmp_path, dry_run, target, hint):
+    code, output = dry_run(tmp_path, target, "-n")
+    assert code == 1
+    assert output == (
+        f"error: {target}: no such scene or target{hint}. Scenes of this config: "
+        "courtyard. Other targets: snakemake --list-target-rules\n"
+    )
+    # A path is a file's.
+    assert dry_run(tmp_path, "results/courtyard/poses.json", "-n")[0] == 0
+
+
+def test_the_list_of_rules_says_what_each_makes(tmp_path, dry_run):
+    code, output = dry_run(tmp_path, "--list", "-n")
+    assert code == 0
+    lines = output.splitlines()
+    assert [one for one in lines if not re.fullmatch(r"\w+ \([A-Z].*\)", one)] == []
+    assert len({one.split("(", 1)[1] for one in lines}) == len(lines) > 25
+
+
+def test_the_default_profile_loads_by_itself(tmp_path, root, dry_run, monkeypatch):
+    """From wherever it is called: it is found beside the Snakefile."""
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(dry_runs, "PLAIN", ())
+    code, output = dry_run(tmp_path, "config", "-n", root=root)
+    assert code == 1
+    said = f"workflow specific profile {root / 'profiles' / 'default'} for"
+    assert said in output.splitlines()[0]
 
 
 def no_photos(folder):

@@ -13,7 +13,7 @@ MEASURING = {"preflight"}
 def profiles(root):
     return {
         path.parent.name: yaml.safe_load(path.read_text())
-        for path in (root / "workflow/profiles").glob("*/config.yaml")
+        for path in (root / "profiles").glob("*/config.yaml")
     }
 
 

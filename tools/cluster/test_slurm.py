@@ -90,7 +90,7 @@ def command(root, *more):
     return [
         *(sys.executable, "-m", "snakemake", *more, "--configfile", "tiny.yaml"),
         *("--snakefile", str(root / "Snakefile"), "--latency-wait", "5"),
-        *("--workflow-profile", str(root / "workflow/profiles/slurm")),
+        *("--workflow-profile", str(root / "profiles/slurm")),
         # As there is no accounting database; and soon, since jobs are short.
         *("--slurm-status-command", "squeue"),
         *("--slurm-init-seconds-before-status-checks", "2"),

@@ -130,7 +130,7 @@ def profile(root, tmp_path):
         "snakemake_executor_plugin_kubernetes",
         reason="not installed: pip install snakemake-executor-plugin-kubernetes",
     )
-    found = (root / "workflow/profiles/kubernetes/config.yaml").read_text()
+    found = (root / "profiles/kubernetes/config.yaml").read_text()
     (tmp_path / "profile").mkdir()
     path = tmp_path / "profile" / "config.yaml"
     path.write_text(found.replace("YOUR-BUCKET/alignerf", f"{BUCKET}/{PREFIX}"))

@@ -60,7 +60,7 @@ class Chain(NamedTuple):
             # Before options, of which some take several words.
             *(sys.executable, "-m", "snakemake", *more, "--cores", str(cores)),
             *("--snakefile", str(self.root / "Snakefile")),
-            *("--workflow-profile", str(self.root / "workflow/profiles/default")),
+            *("--workflow-profile", str(self.root / "profiles/default")),
             *("--configfile", "tiny.yaml"),
         ]
 

@@ -38,3 +38,8 @@ for table in scenes.across(experiment):
             "python -m {params.module} {params.options:q} --configs {input.configs:q}"
             " --csv {output.csv:q} --tex {output.tex:q} {params.beside}"
             " {output.beside:q} 2>&1 | tee {log:q}"
+
+
+# What `snakemake --list` says of them: each its own.
+for table in scenes.across(experiment):
+    workflow.get_rule(table.name).docstring = table.about

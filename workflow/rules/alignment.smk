@@ -1,4 +1,5 @@
 rule align:
+    """Estimate the flow from renders to photos and warp the photos by it"""
     input:
         unpack(step.align.inputs),
     output:
@@ -20,6 +21,7 @@ rule align:
 
 
 rule testset:
+    """Warp the test photos onto the reference model's renders"""
     input:
         unpack(step.testset.inputs),
     output:
@@ -40,6 +42,7 @@ rule testset:
 
 
 rule control_sets:
+    """Make test sets that show what warping gains without alignment"""
     input:
         unpack(step.control_sets.inputs),
     output:
@@ -59,6 +62,7 @@ rule control_sets:
 
 
 rule overfit:
+    """Measure the flow that the estimator invents between equal images"""
     input:
         unpack(step.overfit.inputs),
     output:
@@ -79,6 +83,7 @@ rule overfit:
 
 # With `rounds: auto`: whether another round follows, and why.
 checkpoint decide:
+    """Decide whether another round follows"""
     input:
         unpack(step.decide.inputs),
     output:
@@ -97,6 +102,7 @@ checkpoint decide:
 
 
 rule correct_poses:
+    """Correct cameras by the flow between renders and photos"""
     input:
         unpack(step.correct_poses.inputs),
     output:
@@ -117,6 +123,7 @@ rule correct_poses:
 
 
 rule decompose:
+    """Split the flow into camera error and the rest"""
     input:
         unpack(step.decompose.inputs),
     output:

@@ -1,47 +1,47 @@
-# Photos of the paper's scenes, and weights, where they are not there: what a user has put
-# there is no rule's output, and so is never deleted or fetched again. Each scene is a job
-# of its own, since a failing job loses its outputs; one at a time, since they share an
-# archive. On a cluster where Snakemake runs: nodes may have no network.
+# Photos of the paper's scenes and weights of networks that are missing. What a user has
+# put there is no rule's output, so it is never deleted or downloaded again. Each scene
+# is a job of its own, since a failing job loses its outputs; one at a time, since they
+# share an archive. On a cluster they run where Snakemake does: nodes may have no network.
 missing_scenes = check.or_exit(fetched.scenes)
+missing_weights = fetched.weights()
 
 
 rule download_360_v2:
+    """Download the nine scenes of mip-NeRF 360 into 360_v2/ (17 GB)"""
     input:
         local(missing_scenes),
     localrule: True
 
 
-for scene_path in missing_scenes:
+rule download_scene:
+    """Download one scene of mip-NeRF 360"""
+    output:
+        directory(local(f"{fetched.folder()}/{{capture}}")),
+    log:
+        "results/logs/download_360_v2/{capture}.log",
+    wildcard_constraints:
+        capture=plan.one_of(Path(one).name for one in missing_scenes),
+    localrule: True
+    conda:
+        "../../environment.yml"
+    threads: 10_000  # all that there are
+    shell:
+        "python -m alignerf.scenes.download {output:q} 2>&1 | tee {log:q}"
 
-    rule:
-        name:
-            f"download_360_v2_{scene_path.rpartition('/')[2]}"
-        output:
-            directory(local(scene_path)),
-        log:
-            f"results/logs/download_360_v2/{scene_path.rpartition('/')[2]}.log",
-        localrule: True
-        conda:
-            "../../environment.yml"
-        threads: 10_000  # all that there are
-        shell:
-            "python -m alignerf.scenes.download {output:q} 2>&1 | tee {log:q}"
 
-
-for weights_path, network in fetched.weights().items():
-
-    rule:
-        name:
-            f"download_{network}_weights"
-        output:
-            local(weights_path),
-        log:
-            f"results/logs/download_{network}_weights.log",
-        localrule: True
-        conda:
-            "../../environment.yml"
-        params:
-            network=network,
-        shell:
-            "python -m alignerf.networks.weights {params.network:q} --out {output:q}"
-            " 2>&1 | tee {log:q}"
+rule download_weights:
+    """Download the weights of a network for LPIPS or the high-frequency loss"""
+    output:
+        local("weights/{network}.npz"),
+    log:
+        "results/logs/download_{network}_weights.log",
+    wildcard_constraints:
+        network=plan.one_of(Path(one).stem for one in missing_weights),
+    localrule: True
+    conda:
+        "../../environment.yml"
+    params:
+        network=lambda w: missing_weights[f"weights/{w.network}.npz"],
+    shell:
+        "python -m alignerf.networks.weights {params.network:q} --out {output:q}"
+        " 2>&1 | tee {log:q}"

@@ -2,6 +2,7 @@
 # what it compiles its trainings need not. No training has it as an input: measured
 # anew, for another plan, it makes nothing again.
 rule preflight:
+    """Measure this machine and estimate a scene's hours, memory and disk"""
     input:
         unpack(step.preflight.inputs),
     output:
@@ -28,6 +29,7 @@ rule preflight:
 
 # What the facts decide and what all will cost, of all scenes, before any training.
 rule preview:
+    """Print what every scene will cost, before any training"""
     input:
         decisions=[layout.Scene(name).decisions for name in experiment.captures()],
         costs=[targets.preflight_of(experiment, name) for name in experiment.captures()],

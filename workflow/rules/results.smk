@@ -1,5 +1,6 @@
 # The run says the verdict last (`onsuccess`), so not here.
 rule verdict:
+    """Diagnose a scene from its renders, flow and scores"""
     input:
         unpack(step.verdict.inputs),
     output:
@@ -24,6 +25,7 @@ rule verdict:
 
 
 rule page:
+    """Write a scene's page, one HTML file"""
     input:
         unpack(step.page.inputs),
     output:
@@ -50,6 +52,7 @@ rule page:
 # Folders for other programs: photos as taken (`cameras`), or as the last round was
 # trained on them (`photos`).
 rule export_folder:
+    """Write one method's photos and cameras for other programs"""
     input:
         unpack(step.export_folder.inputs),
     output:
@@ -72,5 +75,6 @@ rule export_folder:
 
 
 rule export:
+    """Write photos, cameras and points for nerfstudio, Gaussian splatting and COLMAP"""
     input:
         lambda w: targets.exports(experiment),

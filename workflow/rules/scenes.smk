@@ -1,5 +1,6 @@
 # Poses are computed once and kept: no later rule changes them.
 rule poses:
+    """Prepare a scene's photos and cameras"""
     input:
         unpack(step.poses.inputs),
     output:
@@ -24,6 +25,7 @@ rule poses:
 
 # Jobs take those of the decisions that the config leaves to them.
 rule facts:
+    """Measure a scene and decide the settings that the config leaves open"""
     input:
         unpack(step.facts.inputs),
     output:
@@ -43,6 +45,7 @@ rule facts:
 
 
 rule config:
+    """Write a scene's complete config, defaults included"""
     output:
         scene.config,
     log:

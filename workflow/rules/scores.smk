@@ -1,4 +1,5 @@
 rule align_test_poses:
+    """Align the cameras of test views to a trained model and render them"""
     input:
         unpack(step.align_test_poses.inputs),
     output:
@@ -22,6 +23,7 @@ rule align_test_poses:
 
 
 rule evaluate:
+    """Score the renders of a round on every test set"""
     input:
         unpack(step.evaluate.inputs),
     output:
@@ -43,6 +45,7 @@ rule evaluate:
 
 # Of a scene's tables, or of one across scenes.
 rule collect:
+    """Collect scores and training costs for the tables"""
     input:
         unpack(step.collect.inputs),
     output:
@@ -64,6 +67,7 @@ rule collect:
 
 
 rule tables:
+    """Make one of a scene's tables as CSV and LaTeX"""
     input:
         unpack(step.tables.inputs),
     output:
@@ -91,6 +95,7 @@ rule tables:
 
 
 rule figures:
+    """Draw the figures of a scene"""
     input:
         unpack(step.figures.inputs),
     output:

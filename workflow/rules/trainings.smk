@@ -3,6 +3,7 @@
 # programs, lie outside of `output:`, which Snakemake deletes when a job is killed: a
 # training resumes.
 rule train:
+    """Train one round of a method"""
     input:
         unpack(step.train.inputs),
     output:
@@ -29,6 +30,7 @@ rule train:
 
 
 rule render:
+    """Render the views of a trained round"""
     input:
         unpack(step.render.inputs),
     output:

@@ -17,13 +17,18 @@ WEIGHTS = {"weights/vgg19.npz": "frequency"} | {
 }
 
 
+def folder():
+    """Where mip-NeRF 360's scenes lie."""
+    path = home("${ALIGNERF_DATA:-.}/360_v2")
+    if set(path) & set("{}"):
+        fault("ALIGNERF_DATA", f"{path}: braces mean wildcards, rename it")
+    return path
+
+
 def scenes():
     """Paths of mip-NeRF 360's scenes that are not there; a broken link is."""
-    folder = home("${ALIGNERF_DATA:-.}/360_v2")
-    if set(folder) & set("{}"):
-        fault("ALIGNERF_DATA", f"{folder}: braces mean wildcards, rename it")
     names = sorted(name for inside in ARCHIVES.values() for name in inside)
-    return [p for name in names if not os.path.lexists(p := f"{folder}/{name}")]
+    return [p for name in names if not os.path.lexists(p := f"{folder()}/{name}")]
 
 
 def weights():

@@ -221,10 +221,11 @@ class Across(NamedTuple):
     is no such table. of: whose rows it has, of OF_TABLES. reads: files of each scene
     that it reads besides. stem: what its files are called. beside: option and suffix of
     what is made beside the table. more: options of its own. published: files beside the
-    sources.
+    sources. about: what it makes, in a line.
     """
 
     name: str
+    about: str
     scenes: Callable
     of: str
     stem: str
@@ -260,13 +261,22 @@ def across(experiment):
     printed = words("", published=published, published_table=number)[1:]
     return [
         Across(
-            *("regimes", regimes, "regimes", experiment.config["regimes"]),
+            *("regimes", "Make the table of when each part of AligNeRF pays"),
+            *(regimes, "regimes", experiment.config["regimes"]),
             reads=("testset/displacement.csv",),
         ),
-        Across(*("remedies", remedies, "remedies", "remedies"), reads=("facts.json",)),
-        Across("tradeoff", compared, "comparison", "tradeoff"),
         Across(
-            *("comparison", compared, "comparison", "comparison"),
+            *("remedies", "Compare all fixes at equal training time"),
+            *(remedies, "remedies", "remedies"),
+            reads=("facts.json",),
+        ),
+        Across(
+            *("tradeoff", "Compare what settings cost with what they bring"),
+            *(compared, "comparison", "tradeoff"),
+        ),
+        Across(
+            *("comparison", "Compare all methods on all scenes: Tables 2 and 3"),
+            *(compared, "comparison", "comparison"),
             beside=("ranking", "_ranking.csv"),
             more=tuple(printed),
             published=(published,),

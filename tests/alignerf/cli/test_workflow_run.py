@@ -39,7 +39,7 @@ onsuccess:
 def here(tmp_path, monkeypatch):
     """A project in the place of ours, and a config."""
     monkeypatch.chdir(tmp_path)
-    profile = tmp_path / "workflow" / "profiles" / "default" / "config.yaml"
+    profile = tmp_path / "profiles" / "default" / "config.yaml"
     profile.parent.mkdir(parents=True)
     profile.write_text("keep-going: true\n")
     (tmp_path / "Snakefile").write_text(SNAKEFILE)
