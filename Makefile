@@ -1,38 +1,49 @@
-# make run    the demo, from nothing to its verdict; VERBOSE=1 shows all
-# make show   its tables and verdict again
-# make photos FOLDER=my_photos    your photos or videos, to a verdict and a page
-# make poses FOLDER=my_scan       check and adjust the cameras that came with photos
-# make judge PHOTOS=photos RENDERS=renders CAMERAS=sparse/0    renders of another program
-# make judge PHOTOS=photos SPLAT=model.ply CAMERAS=sparse/0    a splat's file
-# make export SCENE=my_photos  photos, cameras and points for other programs; WIDTH=1600
-# For developers:
-# make test   the test suite
-# make tools  tests of extensions, benchmarks, torture, packaging and the page in a browser
-# make bench  measurements into results/bench/; PEER=checkout of multinerf beside ours
-# make flow_benchmark  error and speed of the flow estimators
-# make peers PEERS=folder  results beside those of the papers' released code (tools/peers.py)
-# make torture  damaged inputs, kills, full disks; within an hour
-# make docs   tables and figures of docs/ from the CSVs in docs/measured/
-# make site   these pages as a site with a search, in site/, with the demo's page in it
-# make lint   formatters, linters, workflow checks
-# make cluster  plugins for Slurm, Kubernetes and S3 besides; see docs/howto/cluster.md
-# make lock   pin all versions anew (needs uv)
-# make help   these lines
+# make run                        diagnose the demo scene, in 5 to 8 minutes on two cores
+# make photos FOLDER=my_photos    train on your photos or video, and diagnose the result
+# make poses FOLDER=my_scan       check the cameras that came with photos, and adjust them
+# make judge PHOTOS=images RENDERS=renders CAMERAS=sparse/0
+#                                 diagnose renders of another program; of a splat's file
+#                                 with SPLAT=model.ply in place of RENDERS
+# make export SCENE=my_photos     write photos, cameras and points for other programs
+#
+# Options: OPTIONS="--name x"; `make photos OPTIONS=--help` lists those of photos.
+# CORES=2 limits the cores, VERBOSE=1 shows all output. More commands: make help-all
+#
+# make show                 print the tables and verdicts of finished runs
+# make cluster              install plugins for Slurm, Kubernetes and S3
+# make clean                delete the results of this program, and no other files
+# make test                 run the tests
+# make tools                run the slow tests: packaging, browser, benchmarks
+# make lint                 check the format and the style of code and workflow
+# make bench                measure speed and memory, into results/bench/
+# make flow_benchmark       measure how accurate and how fast optical flow is
+# make peers PEERS=folder   compare with the code that the papers' authors released
+# make torture              try to break it for an hour: bad files, kills, full disks
+# make docs                 rebuild the tables and figures of docs/ from docs/measured/
+# make site                 build docs/ as a website, in site/
+# make lock                 pin the versions of all packages again (needs uv)
+# make help                 list the commands for users
+# make help-all             list all commands
 PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
 CORES ?= $(shell nproc 2>/dev/null || sysctl -n hw.ncpu)
 export PATH := $(abspath $(BIN)):$(PATH)
+# JUDGE and POSES: as the options of these commands were called before.
+OPTIONS ?= $(JUDGE)$(POSES)
 # What a user gives is handed on by its value alone: exported as it is, make would expand
 # it, and `$(shell ...)` in a folder's name would run.
-unexport FOLDER POSES SCENE WIDTH PHOTOS RENDERS CAMERAS DEPTH JUDGE PEER PEERS BENCH TORTURE
+unexport FOLDER SCENE WIDTH PHOTOS RENDERS SPLAT CAMERAS DEPTH OPTIONS JUDGE POSES PEER PEERS BENCH TORTURE
 
 # `exec`: who ends make by a signal ends the program, and not a shell around it alone.
 .DEFAULT_GOAL := help
-.PHONY: help run show photos poses judge export test tools bench flow_benchmark peers torture docs site lint cluster lock clean
+.PHONY: help help-all run show photos poses judge export test tools bench flow_benchmark peers torture docs site lint cluster lock clean
 
 help:
-	@sed -n 's/^# make /make /p' $(firstword $(MAKEFILE_LIST))
+	@sed -n '/^# make show/q; s/^# \{0,1\}//p' $(firstword $(MAKEFILE_LIST))
+
+help-all:
+	@sed -n '/^[^#]/q; s/^# \{0,1\}//p' $(firstword $(MAKEFILE_LIST))
 
 run: $(VENV)/.installed
 	@exec python -m alignerf.cli.demo --cores $(CORES)
@@ -40,14 +51,15 @@ run: $(VENV)/.installed
 show: $(VENV)/.installed
 	@python -m alignerf.show
 
-# By the environment: a shell would see more than a name in some names.
-photos: export PHOTOS_FOLDER := $(value FOLDER)
+# By the environment: a shell would see more than a name in some names. PHOTOS, which is
+# `make judge`'s, is taken for FOLDER.
+photos: export PHOTOS_FOLDER := $(value FOLDER)$(value PHOTOS)
 photos: $(VENV)/.installed
-	@exec python -m alignerf.cli --cores $(CORES) $(PHOTOS) -- "$$PHOTOS_FOLDER"
+	@exec python -m alignerf.cli --cores $(CORES) $(OPTIONS) -- "$$PHOTOS_FOLDER"
 
 poses: export POSED_FOLDER := $(value FOLDER)
 poses: $(VENV)/.installed
-	@exec python -m alignerf.cli.poses $(POSES) -- "$$POSED_FOLDER"
+	@exec python -m alignerf.cli.poses $(OPTIONS) -- "$$POSED_FOLDER"
 
 judge: export JUDGED_PHOTOS := $(value PHOTOS)
 judge: export JUDGED_RENDERS := $(value RENDERS)
@@ -57,13 +69,13 @@ judge: export JUDGED_DEPTH := $(value DEPTH)
 judge: $(VENV)/.installed
 	@exec python -m alignerf.cli.judge --cores $(CORES) "--photos=$$JUDGED_PHOTOS" \
 		"--renders=$$JUDGED_RENDERS" "--splat=$$JUDGED_SPLAT" "--cameras=$$JUDGED_CAMERAS" \
-		"--depth=$$JUDGED_DEPTH" $(JUDGE)
+		"--depth=$$JUDGED_DEPTH" $(OPTIONS)
 
 export: export EXPORT_OF := $(value SCENE)$(value FOLDER)
 export: export EXPORT_WIDTH := $(value WIDTH)
 export: $(VENV)/.installed
 	@exec python -m alignerf.cli.export --cores $(CORES) \
-		$(if $(value WIDTH),"--width=$$EXPORT_WIDTH") -- "$$EXPORT_OF"
+		$(if $(value WIDTH),"--width=$$EXPORT_WIDTH") $(OPTIONS) -- "$$EXPORT_OF"
 
 # What others add; benchmarks, the torture and the packaging; the page in a browser, and
 # of a long list of damaged files.

@@ -40,7 +40,7 @@ if not workflow.overwrite_configfiles:
     configfile: workflow.source_path("workflow/config/demo.yaml")
 
 
-config = check.or_exit(check.checked, config, workflow.configfiles)
+config = check.or_exit(check.checked, config, workflow.overwrite_configfiles)
 # Whether a method with `rounds: auto` goes on is known once rule `decide` has run.
 experiment = plan.Experiment(
     config,

@@ -86,7 +86,7 @@ def meant(path, command="photos"):
         raise ValueError(f"{path}: neither a folder nor a file")
     found = of_file(path, then) if path.is_file() else of_folder(path, then)
     if found != path:
-        log.info("%s: taken is %s", path, found)
+        log.info("%s: its folder is used: %s", path, found)
     return found
 
 
@@ -126,8 +126,8 @@ def of_file(path, then):
     check_within_trained(path)
     if (found := project_of(path.parent, alone=suffix == ".db")) is None:
         raise ValueError(
-            f"{path}: neither a photo nor a film, nor cameras with photos beside them: "
-            "give the folder of the photos"
+            f"{path}: neither a photo nor a video, nor cameras with photos beside "
+            "them: give the folder of the photos"
         )
     return found
 

@@ -2,8 +2,8 @@
 
 FOLDER holds photos (also HEIC), videos, or photos with cameras by another program
 (transforms.json, sparse/0, poses_bounds.npy) or an app (Polycam's raw data, 3d Scanner
-App's All Data, Record3D's EXR + JPG), or several such folders. A config is written
-beside the results; it is yours to edit, and is kept the next time.
+App's All Data, Record3D's EXR + JPG), or several such folders. A small NeRF is trained,
+and a page says what blurs it. The config, results/NAME.yaml, is yours to edit.
 """
 
 import sys
@@ -44,12 +44,12 @@ def run(name, scenes, folder, args):
     say_how_long(scenes)
     if args.budget_min is not None:
         print(
-            f"{args.budget_min:g} min are of each training. Renders, flow, scores, "
-            "crops and figures come on top: what all takes is said before the first one"
+            f"{args.budget_min:g} min for each training. Renders, flow, scores, crops "
+            "and figures come on top: the whole time is printed before the first one"
         )
     say_twice(path, scenes)
     pages = list(map(targets.page_of, scenes))
-    print(f"page, in the end: {', '.join(pages)}", flush=True)
+    print(f"page, when it is finished: {', '.join(pages)}", flush=True)
     if args.only_config:
         return
     anew, plans = anew_of(scenes), plans_of(path, scenes)
@@ -93,7 +93,9 @@ def anew_of(scenes):
     for name, files in found.items():
         if files:
             few = faults.some_names(files)
-            print(f"{name}: changed since poses were found, so all is made anew: {few}")
+            print(
+                f"{name}: photos have changed, so everything is computed again: {few}"
+            )
     return [str(places[name] / "poses.json") for name, files in found.items() if files]
 
 
@@ -111,8 +113,8 @@ def say_how_long(scenes):
         if count and count >= photos.LEAST:
             minutes = round(folders.colmap_min(count))
             print(
-                f"{name}: COLMAP places {count} photos first, in some {minutes} min on "
-                "two cores; how long the rest takes is said then"
+                f"{name}: COLMAP finds the cameras of {count} photos first, in about "
+                f"{minutes} min on two cores; then the time of the rest is printed"
             )
 
 
@@ -120,9 +122,10 @@ def say_twice(path, scenes):
     """Print that a phone's photos are trained with two kinds of poses, and the cost."""
     if again := [s for s, one in scenes.items() if one.get("poses")]:
         print(
-            f"poses of the phone: expect pixels of error. {', '.join(again)} has "
-            "COLMAP's beside them, at twice the time: to leave it out, delete it under "
-            f"scenes in {path} (--only-config writes that and stops)"
+            "poses of a phone are off by pixels, so they are compared with COLMAP's "
+            "in twice the time. For the phone's alone, delete "
+            f"{', '.join(again)} under scenes in {path} (--only-config writes it and "
+            "stops)"
         )
 
 
@@ -140,13 +143,11 @@ def parse(argv=None):
     """Arguments of the command line."""
     shared = ("--name", "--cores", "--background", "--pose-convention", "--only-config")
     parser = configs.parser("photos", __doc__, *shared)
-    parser.add_argument(
-        "folder", help="photos or videos, with cameras or not, or folders of such"
-    )
+    parser.add_argument("folder", help="photos or videos, or folders of such")
     parser.add_argument(
         "--budget-min",
         type=configs.minutes,
-        help="minutes of each training; all else comes on top",
+        help="minutes for each training; rendering, flow and scores come on top",
     )
     return parser.parse_args(argv)
 

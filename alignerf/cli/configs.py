@@ -35,18 +35,27 @@ from alignerf.scenes import photos
 log = logging.getLogger("alignerf")
 
 HEAD = """\
-# Written by `{command}`, of {folder}
-# Yours to edit: then it is kept. Every key: docs/reference/keys.md.
-# To run it: the same command again.
+# Written by `{command}` for {folder}
+# Edit it as you like: changes are kept. All keys: docs/reference/keys.md
+# To run it, repeat the command.
 # as written: {digest}
 """
 # What `make poses` has written, and of which folder.
 ADJUSTED = "adjusted/report.json"
 # How a folder of photos is given: by make, and to the installed command.
 PHOTOS = ("make photos FOLDER={}", "why-blurry photos {}")
+# What is typed of make, besides options.
+USAGE = {
+    "demo": "make run [CORES=2] [VERBOSE=1]",
+    "photos": 'make photos FOLDER=my_photos [OPTIONS="--name x"]',
+    "poses": 'make poses FOLDER=my_scan [OPTIONS="--name x"]',
+    "judge": "make judge PHOTOS=images RENDERS=renders|SPLAT=model.ply "
+    '[CAMERAS=sparse/0] [DEPTH=depth] [OPTIONS="--name x"]',
+    "export": "make export SCENE=my_photos [WIDTH=1600]",
+}
 # The workflow engine's folder, and what its lock means.
 ENGINE = Path(".snakemake")
-LOCKED = "another run is at work in this folder, or one was killed. Then type:"
+LOCKED = "another run works in this folder, or one was killed. If none works, type:"
 
 
 def program(command):
@@ -59,6 +68,7 @@ def parser(command, description, *shared):
     """The parser of a command; shared: options that several have."""
     made = argparse.ArgumentParser(
         prog=program(command),
+        usage=provenance.typed(USAGE[command], None),
         description=description,
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
@@ -85,26 +95,33 @@ minutes = bounded(float, math.ulp(0), "a number above 0 was expected")
 def name(text):
     """A name that files and rules can have."""
     if folders.free(text) != text:
-        raise argparse.ArgumentTypeError(f"{text!r}: letters, digits and _, and free")
+        raise argparse.ArgumentTypeError(
+            f"{text!r} is taken, or has other characters than letters, digits, _ and "
+            f"-: {folders.free(text)!r} is possible"
+        )
     return text
 
 
 SHARED = {
-    "--name": {"type": name, "help": "name of the results, instead of the folder's"},
+    "--name": {"type": name, "help": "name of the results; else after the folder"},
     "--cores": {
         "type": count,
         "default": machine.cores(),
-        "help": "cores to use, all by default",
+        "help": "CPU cores that are used; else all",
     },
     "--background": {
         "choices": sorted(photos.BACKGROUNDS),
-        "help": "what lies behind transparent pixels",
+        "help": "color behind transparent pixels",
     },
     "--pose-convention": {
         "choices": scene_keys.CONVENTIONS,
-        "help": "a mistake in the file of cameras, to be undone; as_stated: none",
+        "help": "convention in which the cameras were written by mistake, to convert "
+        "them; as_stated: change nothing",
     },
-    "--only-config": {"action": "store_true", "help": "write the config and stop"},
+    "--only-config": {
+        "action": "store_true",
+        "help": "write the config, results/NAME.yaml, and stop",
+    },
 }
 
 
@@ -187,8 +204,8 @@ def say_where(path, config, folder, *, by="photos"):
     check_there(path, config, by)
     if path.exists() and not is_untouched(path):
         if differing := sorted(kept(config, read(path))):
-            log.warning("%s is yours: its %s is kept", path, ", ".join(differing))
-        print(f"config: {path}, as it is there")
+            log.warning("%s: you edited it: its %s is kept", path, ", ".join(differing))
+        print(f"config: {path}, as you edited it")
         return
     complete = check.checked(copy.deepcopy(config))
     results.check_folders(complete["scenes"], complete["methods"])
@@ -204,7 +221,7 @@ def say_where(path, config, folder, *, by="photos"):
 def check_there(path, config, by):
     """ValueError where results are there already, of other inputs than a config's."""
     other = provenance.typed(
-        f'make {by} ... {by.upper()}="--name other"',
+        f'make {by} ... OPTIONS="--name other"',
         f"why-blurry {by} ... --name other",
     )
     instead = f"Give another name: {other}"

@@ -1,4 +1,4 @@
-"""The demo, `make run`: the embedded scene, from nothing to its verdict and page."""
+"""Diagnose the demo, a scene that is built in: `make run`."""
 
 import sys
 
@@ -11,7 +11,7 @@ def main(argv=None):
     args = configs.parser("demo", __doc__, "--cores").parse_args(argv)
     pages = ", ".join(map(targets.page_of, targets.demo_scenes()))
     show = provenance.typed("make show", "why-blurry show")
-    print(f"page, in the end: {pages}; its tables: {show}", flush=True)
+    print(f"page, when it is finished: {pages}; its tables: {show}", flush=True)
     if code := workflow.run(None, args.cores):
         sys.exit(code)
 

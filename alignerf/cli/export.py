@@ -1,11 +1,12 @@
-"""A capture's files for other programs: `make export SCENE=my_photos`.
+"""Write photos, cameras and points for other programs: `make export SCENE=my_photos`.
 
-SCENE is the name of a config of `make photos`, results/my_photos.yaml, or the demo's
-scene; the folder of the photos will do too (`FOLDER=my_photos`). What the export needs
-and is not there yet is made. WIDTH makes photos smaller.
+SCENE is the name of results, as in results/my_photos.yaml, or the folder of the photos;
+courtyard after the demo. What is missing for the export is computed first. WIDTH makes
+the photos smaller.
 """
 
 import contextlib
+import difflib
 import sys
 from pathlib import Path
 
@@ -47,8 +48,12 @@ def config_of(name):
     if is_demos(name):
         return targets.DEMO
     photos = provenance.typed(*configs.PHOTOS)
+    known = sorted(one.stem for one in Path("results").glob("*.yaml"))
+    known += filter(is_demos, targets.demo_scenes())
+    near = difflib.get_close_matches(names[-1], known, 1)
+    there = f", but {', '.join(near or known)} does" if known else ""
     raise ValueError(
-        f"results/{names[-1]}.yaml does not exist: run `{photos.format(name)}` "
+        f"results/{names[-1]}.yaml does not exist{there}: run `{photos.format(name)}` "
         "first, or, for a config of your own, `snakemake --cores "
         f"{machine.cores()} export --configfile FILE`"
     )
@@ -67,8 +72,8 @@ def check_judged(path, scenes):
     """ValueError where scenes are nothing but renders that cannot be corrected."""
     if not any(map(can_export, scenes)):
         raise ValueError(
-            f"{path}: nothing to export: it wants CAMERAS, and renders of photos that "
-            "were learnt from. Judge again with both"
+            f"{path}: nothing to export: CAMERAS was not given, or no render is of a "
+            "photo that was learnt from. Judge again with both"
         )
 
 
@@ -82,9 +87,7 @@ def parse(argv=None):
     """Arguments of the command line."""
     parser = configs.parser("export", __doc__, "--cores")
     parser.add_argument(
-        "name",
-        help="name of a config in results/, or the photos' folder; courtyard after the "
-        "demo",
+        "name", help="name of results, or folder of photos; courtyard after the demo"
     )
     parser.add_argument(
         "--width", type=configs.count, help="width of the photos, in pixels"

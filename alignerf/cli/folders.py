@@ -53,8 +53,9 @@ def scenes_of(folder):
             scenes[name] = own
     if not scenes:
         raise ValueError(
-            f"{folder}: no photos ({', '.join(sorted(photos.SUFFIXES))}) and no films "
-            f"({', '.join(sorted(video.SUFFIXES))}), nor folders of such{there(folder)}"
+            f"{folder}: no photos ({', '.join(sorted(photos.SUFFIXES))}), no videos "
+            f"({', '.join(sorted(video.SUFFIXES))}) and no folders of either"
+            f"{there(folder)}"
         )
     return scenes
 

@@ -1,16 +1,17 @@
-"""Judge another program's renders: `make judge PHOTOS=... RENDERS=... CAMERAS=...`.
+"""Diagnose a model of another program: `make judge PHOTOS=... RENDERS=... CAMERAS=...`.
 
-PHOTOS: folder of the photos. RENDERS: of the program's renders of these views, those
-that it has learnt and those that it has not; or SPLAT: the .ply of Gaussians, which is
-rendered here. CAMERAS: transforms.json, COLMAP's sparse/0 or cameras.json, or their
-folder. DEPTH: folder of the renders' depth. Nothing is trained. A config is written
-beside the results; it is yours to edit. Renders or photos that have changed get new
-results, beside which the last ones of the same photos are set.
+PHOTOS: folder of the photos. RENDERS: folder of the program's renders at the same
+cameras, of training and held-out photos; or SPLAT: the .ply of Gaussians, which is
+rendered here. CAMERAS: transforms.json, cameras.json or COLMAP's sparse/0, or the
+folder of one. DEPTH: folder of the renders' depth maps. Nothing is trained. The config,
+results/NAME.yaml, is yours to edit. Renders or photos that have changed get new
+results, which are compared with the last ones of the same photos.
 """
 
 import argparse
 import contextlib
 import itertools
+import logging
 import os
 import re
 import sys
@@ -21,10 +22,12 @@ from alignerf.cli import configs, folders, light, workflow
 from alignerf.experiment import targets
 from alignerf.experiment.checks import results
 from alignerf.experiment.checks import scenes as of_scenes
-from alignerf.io import atomic, faults, owned
+from alignerf.io import atomic, faults, owned, provenance
 from alignerf.scenes import originals, prepared
 from alignerf.scenes.external import depths, lenses, splat, views
 from alignerf.verdict import evidence
+
+log = logging.getLogger("alignerf")
 
 # The name of the method that the renders are of.
 THEIRS = "theirs"
@@ -35,6 +38,10 @@ THEIRS = "theirs"
 MAX_PIXELS, LARGE = 100_000_000, "dis_fine"
 # Renders of splats: no results of a scene have this name.
 SPLATS = Path("results", "splats")
+ASSUMED = (
+    "CAMERAS is not given: a horizontal field of view of %.0f degrees is assumed. Only "
+    "rotation and zoom of a camera can be told, roughly, and nothing can be exported"
+)
 # As users may type them.
 EXAMPLE = {"splat": "point_cloud.ply", "renders": "renders"}
 # Folders and files that are called so by every program.
@@ -83,10 +90,12 @@ def run(name, args):
     scene["external_renders"] = keys | {"splits": there}
     print(f"{len(judged.pairs)} pairs of photo and render, {judged.told['layout']}")
     print(held_out(judged, splits))
+    if not args.cameras:
+        log.warning(ASSUMED, lenses.ASSUMED_DEGREES)
     if args.before:
         print(f"compared with results/{args.before} (--before none: with nothing)")
     configs.say_where(path, config_of(name, scene, judged), args.renders, by="judge")
-    print(f"page, in the end: {targets.page_of(name)}", flush=True)
+    print(f"page, when it is finished: {targets.page_of(name)}", flush=True)
     if args.only_config:
         return
     if code := workflow.run(
@@ -103,7 +112,8 @@ def check_kept(path, name, args):
     kept = scene.get("test_every") if isinstance(scene, dict) else None
     if kept != args.held_out:
         raise ValueError(
-            f"--held-out: {path} is yours, and has test_every: {kept}: change it there"
+            f"--held-out: you edited {path}, and test_every is {kept} there: change it "
+            "there"
         )
 
 
@@ -112,10 +122,12 @@ def held_out(judged, splits):
     count = sum(split == "test" for split in splits.values())
     if how := judged.told["held_out"]:
         return f"{count} of {len(splits)} were held out: {how}"
+    every = "--held-out every=8"
+    every = provenance.typed(f'OPTIONS="{every}"', every)
     return (
-        "which photos were held out is not known, and all count as learnt from: say "
-        "--held-out every=8 where it was every eighth by name (JUDGE=... of make), or "
-        "put renders into folders train and test"
+        "no file says which photos were held out, so all count as trained on: if it "
+        f"was every eighth by name, add {every}, or sort the renders into folders "
+        "train and test"
     )
 
 
@@ -317,31 +329,38 @@ def parse(argv=None):
     """Arguments of the command line."""
     shared = ("--name", "--cores", "--background", "--pose-convention", "--only-config")
     parser = configs.parser("judge", __doc__, *shared)
-    parser.add_argument("--photos", default="", help="folder of photos")
-    parser.add_argument("--renders", default="", help="folder of renders")
+    parser.add_argument("--photos", default="", help="folder of the photos")
+    parser.add_argument("--renders", default="", help="folder of their renders")
     parser.add_argument(
-        "--splat", default="", help=".ply of Gaussians, instead of renders"
+        "--splat", default="", help="a splat's .ply, rendered here: no --renders then"
     )
-    parser.add_argument("--cameras", default="", help="file or folder of cameras")
-    parser.add_argument("--depth", default="", help="folder of the renders' depth")
+    parser.add_argument(
+        "--cameras",
+        default="",
+        help="transforms.json, cameras.json or COLMAP's sparse/0, or the folder of "
+        f"one; else a field of view of {lenses.ASSUMED_DEGREES:.0f} degrees is assumed",
+    )
+    parser.add_argument("--depth", default="", help="folder of the renders' depth maps")
     parser.add_argument(
         "--depth-kind",
         choices=depths.KINDS,
-        help="depth along the optical axis, or distance along the ray (nerfacto's)",
+        help="depth along the optical axis, or distance along the ray as nerfacto has "
+        "it; else found out from the cameras' points",
     )
     parser.add_argument(
-        "--depth-scale", type=float, help="factor to the unit of the cameras"
+        "--depth-scale", type=float, help="factor from depth maps to the cameras' unit"
     )
     parser.add_argument(
         "--held-out",
         type=every_nth,
-        help="every=8: every eighth photo by name was held out; where no file says it",
+        help="every=8: each eighth photo by name was held out; for renders and cameras "
+        "that do not say it",
     )
     parser.add_argument(
         "--before",
         type=lambda text: "" if text == "none" else configs.name(text),
-        help="results to compare with, by name, or none; default: the last ones of the "
-        "same photos",
+        help="name of earlier results to compare with, or none; else the last ones of "
+        "the same photos",
     )
     return parser.parse_args(argv)
 

@@ -1,10 +1,10 @@
 """Check and adjust the cameras that came with photos: `make poses FOLDER=my_scan`.
 
-FOLDER holds photos and their cameras by an app or another program, as for `make
-photos`. Nothing is trained. Prints what is wrong with the cameras, and writes
-results/NAME/adjusted/report.json. Where bundle adjustment makes them better, there are
-photos, transforms.json, sparse/0 with points and, of LLFF's and NeRF's scenes, their
-own files beside it.
+FOLDER holds photos with cameras by an app or another program, as for `make photos`.
+Nothing is trained. It prints what is wrong with the cameras, and writes
+results/NAME/adjusted/report.json. If bundle adjustment improves them, it also writes
+photos, transforms.json, sparse/0 with points and, for LLFF's and NeRF's scenes, their
+own files.
 """
 
 import json
@@ -138,7 +138,7 @@ def parse(argv=None):
     parser = configs.parser("poses", __doc__, *shared)
     parser.add_argument("folder", help="photos with cameras, or folders of such")
     parser.add_argument(
-        "--no-photos", action="store_true", help="write cameras and points alone"
+        "--no-photos", action="store_true", help="write cameras and points, no photos"
     )
     return parser.parse_args(argv)
 

@@ -12,19 +12,21 @@ from alignerf.io import faults, provenance
 from alignerf.io.environment import switches
 
 HELP = """\
-why-blurry: why a NeRF or a Gaussian splat is blurry, and what to do first.
+Why a NeRF or a splat is blurry, and what to fix first.
 
-    why-blurry demo                the embedded scene, from nothing to its verdict
-    why-blurry photos my_photos    your own photos or videos, to a verdict and a page
-    why-blurry poses my_scan       check and adjust cameras that came with photos
-    why-blurry judge --photos photos --renders renders --cameras sparse/0
-                                   what another program trained
-    why-blurry export my_photos    photos, cameras and points for other programs
-    why-blurry show                the finished tables, and the verdict again
+    why-blurry demo                diagnose the demo scene
+    why-blurry photos my_photos    train on your photos or video, and diagnose that
+    why-blurry poses my_scan       check the cameras that came with photos
+    why-blurry judge --photos images --renders renders --cameras sparse/0
+                                   diagnose renders, or a splat, of another program
+    why-blurry export my_photos    write photos, cameras and points for other programs
+    why-blurry show                print the tables and verdicts of finished runs
 
-Each has --help; --version says which this is. Results lie in results/ of the folder
-that it is called in. VERBOSE=1 before it shows all that Snakemake prints.
+`why-blurry photos --help` lists the options of photos. Results go into results/ of the
+current folder. VERBOSE=1 in the environment shows all output.
+`why-blurry --version` prints the version.
 """
+INSTALL = "Type `. .venv/bin/activate` first, or use make, which installs all packages"
 # {word: the module that it runs}.
 COMMANDS = {
     "demo": "alignerf.cli.demo",
@@ -54,7 +56,11 @@ def run(command="--help", *words):
     switches.settle()
     os.environ[provenance.TYPED] = "why-blurry"
     sys.argv = [f"why-blurry {command}", *words]
-    importlib.import_module(COMMANDS[command]).main(list(words))
+    try:
+        module = importlib.import_module(COMMANDS[command])
+    except ModuleNotFoundError as error:
+        raise ValueError(f"{error.name} is not installed here. {INSTALL}") from None
+    module.main(list(words))
 
 
 if __name__ == "__main__":

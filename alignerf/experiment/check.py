@@ -1,5 +1,6 @@
 """The config's check, before anything is planned: a fault is one line with its key."""
 
+import os
 from pathlib import Path
 
 from alignerf import methods
@@ -22,16 +23,30 @@ from alignerf.io import faults, yaml_files
 # The Snakefile asks nothing but this package.
 or_exit = faults.or_exit
 check_free = names.check_free
+# How a fault begins, as of `checks.common.fault`, where no file is known.
+NO_FILE = "config: "
 
 
 def checked(config, files=()):
     """The complete config: checked, and every key that it leaves out filled.
 
-    config: what YAML made of `files`, merged. Raises ValueError, naming the key or
-    the file.
+    config: what YAML made of `files`, merged. Raises ValueError, naming the key and
+    the files.
     """
     for path in files:
         yaml_files.read(path)
+    try:
+        return complete(config)
+    except ValueError as error:
+        text = str(error)
+        if files and text.startswith(NO_FILE):
+            paths = ", ".join(os.path.relpath(path) for path in files)
+            text = text.replace(NO_FILE, f"{paths}: ", 1)
+        raise ValueError(text) from None
+
+
+def complete(config):
+    """The same of a config whose files have been read."""
     if not isinstance(config, dict):
         fault("top level", "a config is a mapping of keys")
     names.check_names(config)

@@ -72,6 +72,8 @@ def hint_of(value, what):
     """
     if isinstance(value, str) and value in keys.RENAMED_VALUES:
         return f"; it is {keys.RENAMED_VALUES[value]!r} now"
+    if isinstance(value, str) and (by := keys.READ_BY.get(value)) and repr(by) in what:
+        return f"; for data of {value} it is {by!r}"
     if not isinstance(value, str) or not value.isascii() or not is_finite(value):
         return ""
     if "valid integer" in what and value.isdecimal():

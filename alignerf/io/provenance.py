@@ -89,7 +89,7 @@ def as_command(command, given, options=""):
         for key, path in quoted.items()
     )
     by_make = [f"make {command}", *made]
-    by_make += [f'{command.upper()}="{options}"'] * bool(options)
+    by_make += [f'OPTIONS="{options}"'] * bool(options)
     own = filter(None, [f"why-blurry {command}", options, *named])
     return typed(" ".join(by_make), " ".join(own))
 

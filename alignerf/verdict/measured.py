@@ -28,7 +28,7 @@ DEPTHS = {
 UNKNOWN_UNIT = (
     " Its unit is unknown, as the cameras came without points: that of the cameras is "
     "assumed. If it differs, an export moves cameras too far or too little. "
-    '`JUDGE="--depth-scale X"` says it.'
+    '`OPTIONS="--depth-scale X"` says it.'
 )
 
 

@@ -1,5 +1,6 @@
 """Bad input to the whole workflow: one line that names it, nothing half-made."""
 
+import os
 import re
 from pathlib import Path
 
@@ -37,7 +38,8 @@ def test_planning_stops_with_one_line(tmp_path, demo, dry_run, change, reason):
     path = write(tmp_path, demo | change)
     code, output = dry_run(tmp_path, "--configfile", path, "-n")
     assert code == 1
-    assert output.startswith("error: config: ")
+    named = os.path.relpath(path)
+    assert output.startswith(f"error: {named}: ")
     assert reason in output
     assert len(output.splitlines()) == 1
     assert not (tmp_path / "results").exists()

@@ -41,6 +41,14 @@ RENAMED = {
     "most_rounds": "max_rounds",
 }
 RENAMED_VALUES = {"judged": "external_renders", "given": "input"}
+# Programs, and the source that reads what they write.
+READ_BY = {
+    "nerfstudio": "transforms",
+    "instant-ngp": "transforms",
+    "instant_ngp": "transforms",
+    "colmap": "mipnerf360",
+    "nerf_synthetic": "blender",
+}
 
 
 class Keys(pydantic.BaseModel):

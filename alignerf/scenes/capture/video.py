@@ -111,7 +111,7 @@ def check(path):
 
 def check_size(path, width, height):
     """ValueError for a film's frames of such a size in px."""
-    named = f"{path}: a film of {width:.0f}x{height:.0f} pixels"
+    named = f"{path}: a video of {width:.0f}x{height:.0f} pixels"
     if min(width, height) < prepare.MIN_SIZE_PX:
         raise ValueError(f"{named}: no side may be under {prepare.MIN_SIZE_PX}")
     most = photos.MAX_PIXELS
@@ -241,7 +241,7 @@ def opened(path):
     film = cv2.VideoCapture()
     try:
         if not (is_known and film.open(os.path.abspath(path), cv2.CAP_FFMPEG)):
-            raise ValueError(f"cannot decode {path}: no film that OpenCV knows")
+            raise ValueError(f"cannot decode {path}: no video that OpenCV can read")
         yield film
     finally:
         film.release()

@@ -33,6 +33,15 @@ ASSUMED_DEGREES = 65.0
 GAUSSIANS = "cameras.json"
 
 
+# Files of COLMAP's models.
+OF_MODEL = ("cameras.", "images.", "points3D.", "rigs.", "frames.")
+KNOWN = (
+    "transforms.json, COLMAP's sparse/0, or cameras of "
+    + ", ".join(module.NAME for module in reading.READERS)
+    + " were expected"
+)
+
+
 class Lens(NamedTuple):
     """A view's camera.
 
@@ -91,6 +100,8 @@ def read(path, photo_size) -> Cameras:
         if reading.reader_of(path):
             return of_program(path, photo_size)
         if path.suffix != ".json":
+            if not path.name.startswith(OF_MODEL):
+                raise ValueError(f"{path}: no file of cameras: {KNOWN}")
             return of_model(path.parent)
         return of_json(path, photo_size)
     if (path / "transforms.json").is_file():
@@ -102,10 +113,7 @@ def read(path, photo_size) -> Cameras:
         return of_model(model)
     if found := reading.find(path):
         return of_program(found, photo_size)
-    known = ", ".join(module.NAME for module in reading.READERS)
-    raise ValueError(
-        f"{path}: neither transforms.json, nor sparse/0, nor cameras of {known}"
-    )
+    raise ValueError(f"{path}: no cameras in it: {KNOWN}")
 
 
 def files_of(path):

@@ -119,7 +119,7 @@ def check_some(folder, files):
         films = [folder]
     if films and not files:
         raise ValueError(
-            f"{films[0]}: a film: give its frames, if it shows the photos one by one: "
+            f"{films[0]}: a video: give its frames, if it shows the photos one by one: "
             f"mkdir frames && ffmpeg -i {shlex.quote(str(films[0]))} frames/%05d.png"
         )
     if not folder.is_dir():

@@ -142,7 +142,7 @@ def test_snakemake_s_own_lock_is_looked_at(here, name):
     if name == "other":
         photos.main(PHOTOS)
         return
-    says = r"another run .* one was killed. Then type: snakemake"
+    says = r"another run .* one was killed. If none works, type: snakemake"
     with pytest.raises(ValueError, match=says):
         photos.main(PHOTOS)
     assert not (here / "results/mine.yaml").exists()

@@ -67,7 +67,7 @@ def test_two_scenes_of_one_name_are_refused(tmp_path):
 @pytest.mark.parametrize("names", [[], ["notes.txt"], ["deep/deeper/a.jpg"]])
 def test_a_folder_without_photos_says_what_was_looked_for(tmp_path, names):
     fill(tmp_path, *names)
-    with pytest.raises(ValueError, match=r"no photos \(.*\.heic.*films \(.*\.mp4"):
+    with pytest.raises(ValueError, match=r"no photos \(.*\.heic.*videos \(.*\.mp4"):
         folders.scenes_of(tmp_path)
     with pytest.raises(ValueError, match="nowhere does not exist"):
         folders.scenes_of(tmp_path / "nowhere")
@@ -144,7 +144,7 @@ def test_what_a_user_changed_stays_and_is_said(here, caplog):
     path.write_text(path.read_text() + "training: {steps: 7}\n")
     start.main(["p", "--only-config", "--budget-min", "5"])
     assert yaml.safe_load(path.read_text())["training"] == {"steps": 7}
-    assert "is yours: its training.budget_min is kept" in caplog.text
+    assert "you edited it: its training.budget_min is kept" in caplog.text
 
 
 def test_results_of_two_folders_of_one_name_are_not_mixed(here):
@@ -278,7 +278,7 @@ def test_how_long_colmap_takes_is_said_first(here, capsys):
     fill(here, *(f"p/{i}.jpg" for i in range(50)), "q/a.jpg", "q/transforms.json")
     start.main([".", "--name", "both", "--only-config"])
     said = capsys.readouterr().out
-    assert "p: COLMAP places 50 photos first, in some 3 min on two cores" in said
+    assert "p: COLMAP finds the cameras of 50 photos first, in about 3 min on" in said
     assert "q: COLMAP" not in said
     owned.claim(here / "results/p")
     (here / "results/p/poses.json").write_text("{}")

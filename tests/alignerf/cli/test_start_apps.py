@@ -106,8 +106,8 @@ def test_a_phones_poses_and_colmaps_are_two_scenes(here, source, capsys):
     # Windows have the poses of the scene that they are of.
     assert found["desk_colmap_crops"]["poses"] == "colmap"
     said = capsys.readouterr().out
-    assert "expect pixels of error. desk_colmap has COLMAP's beside them" in said
-    assert "delete it under scenes in results/desk.yaml" in said
+    assert "For the phone's alone, delete desk_colmap under scenes in" in said
+    assert "delete desk_colmap under scenes in results/desk.yaml" in said
 
 
 def test_a_scene_that_was_deleted_stays_deleted(here, capsys):

@@ -63,7 +63,10 @@ def test_a_width_overrules_the_config(here, runs):
 @pytest.mark.parametrize(
     ("name", "reason"),
     [
-        ("other", "results/other.yaml does not exist: run `make photos FOLDER=other`"),
+        (
+            "other",
+            "results/other.yaml does not exist, but my_photos does: run",
+        ),
         ("", "SCENE is missing: make export SCENE=my_photos"),
     ],
 )

@@ -200,7 +200,7 @@ def test_a_config_that_is_no_text_is_named(here, runs, config):
 def test_other_photos_of_one_name_are_told_how_to_go_on(here, runs):
     judge.main(options(name="mine"))
     (here / "photos").rename(here / "others")
-    with pytest.raises(ValueError, match=r"make judge .*JUDGE=\"--name other\""):
+    with pytest.raises(ValueError, match=r"make judge .*OPTIONS=\"--name other\""):
         judge.main(options(name="mine", photos="others"))
 
 
@@ -253,6 +253,9 @@ def test_what_is_missing_is_named(here, runs, changes, says):
             ("PHOTOS=my photos", "RENDERS=a$(shell touch x)b", "CAMERAS=c;touch x"),
             ("--photos=my photos", "--renders=a$(shell touch x)b", "c;touch x"),
         ),
+        ("judge", ("PHOTOS=p", "OPTIONS=--name x"), ("--photos=p", "'--name', 'x'")),
+        ("judge", ("JUDGE=--name x",), ("'--name', 'x'",)),
+        ("photos", ("PHOTOS=p", "OPTIONS=--only-config"), ("--only-config", "'p'")),
         ("photos", ("FOLDER=a$(shell touch x)b`touch x`",), ("a$(shell touch x)b`",)),
         (
             "export",
@@ -325,7 +328,7 @@ def test_held_out_views_are_said_in_words(here, runs, capsys):
         file.rename(here / "renders" / file.name)
     judge.main(options(name="mine"))
     assert keys_of(here, "mine")["splits"] == ["train"]
-    assert "which photos were held out is not known" in capsys.readouterr().out
+    assert "no file says which photos were held out" in capsys.readouterr().out
     judge.main([*options(name="said"), "--held-out=every=4"])
     assert keys_of(here, "said")["splits"] == ["train", "test"]
     assert "2 of 8 were held out: one in 4 by name" in capsys.readouterr().out
@@ -383,5 +386,5 @@ def test_held_out_views_that_a_users_config_has_otherwise_are_refused(here, runs
     judge.main(options(name="mine"))
     path = here / "results" / "mine.yaml"
     path.write_text(path.read_text() + "seed: 3\n")
-    with pytest.raises(ValueError, match=r"--held-out: results/mine\.yaml is yours"):
+    with pytest.raises(ValueError, match=r"--held-out: you edited results/mine\.yaml"):
         judge.main([*options(name="mine"), "--held-out=every=4"])

@@ -1,14 +1,18 @@
 """The installed command: the same modules, and words that its user can type."""
 
+import re
+import subprocess
 import sys
 import tomllib
 
 import pytest
 
 import alignerf
-from alignerf.cli import configs, demo, why_blurry, workflow
+from alignerf.cli import __main__ as photos
+from alignerf.cli import configs, demo, export, judge, poses, why_blurry, workflow
 from alignerf.experiment import targets
 from alignerf.io import provenance
+from tools.docs import lists
 
 
 @pytest.fixture
@@ -65,12 +69,59 @@ def test_faults_are_one_line_in_words_of_the_command(typed, capsys, words, said)
     assert (out, err.count("\n")) == ("", 1)
 
 
+def test_make_and_the_command_each_have_their_usage(typed, capsys):
+    with pytest.raises(SystemExit) as end:
+        judge.main(["--nme", "x"])
+    assert end.value.code == 2
+    usage, fault = capsys.readouterr().err.splitlines()
+    assert usage.startswith("usage: make judge PHOTOS=images RENDERS=renders|SPLAT=")
+    assert usage.endswith('[OPTIONS="--name x"]')
+    assert fault == "make judge: error: unrecognized arguments: --nme x"
+    assert typed("judge", "--nme", "x") == 2
+    assert capsys.readouterr().err.startswith("usage: why-blurry judge [-h] [--name")
+
+
+@pytest.mark.parametrize("command", [photos, poses, judge, export, demo])
+def test_every_option_says_what_it_does(command):
+    parser = lists.parser_of(command.__name__)
+    assert [one.dest for one in parser._actions if not one.help] == []
+
+
+def test_the_package_itself_says_what_to_type(root):
+    words = [sys.executable, "-m", "alignerf"]
+    done = subprocess.run(words, cwd=root, capture_output=True, text=True, check=True)
+    assert done.stdout == why_blurry.HELP
+
+
+def test_a_package_that_is_missing_is_one_line(typed, capsys, monkeypatch):
+    monkeypatch.setitem(why_blurry.COMMANDS, "photos", "alignerf.not_there")
+    assert typed("photos") == 1
+    said = "error: alignerf.not_there is not installed here. Type `. .venv/bin/activate"
+    assert capsys.readouterr().err.startswith(said)
+
+
+def test_make_help_is_short_and_names_what_users_type(root):
+    def said(target):
+        words = ["make", "-C", root, "--no-print-directory", target]
+        return subprocess.run(words, capture_output=True, text=True).stdout.rstrip()
+
+    short, whole = said("help").splitlines(), said("help-all")
+    users = {"run", "photos", "poses", "judge", "export"}
+    commands = (re.match(r"make (\w+)", line) for line in short)
+    assert {one[1] for one in commands if one} == users
+    assert len(short) <= 12
+    assert set(short) < set(whole.splitlines())
+    named = set(re.findall(r"^make ([\w-]+)", whole, re.MULTILINE))
+    rules = re.findall(r"^([\w-]+):", (root / "Makefile").read_text(), re.MULTILINE)
+    assert named == set(rules)
+
+
 def test_a_config_says_how_it_was_made(typed, capsys, tmp_path):
     (tmp_path / "p").mkdir()
     (tmp_path / "p" / "a.jpg").touch()
     assert typed("photos", "p", "--only-config") == 0
     head = (tmp_path / "results" / "p.yaml").read_text().splitlines()[0]
-    assert head == "# Written by `why-blurry photos`, of 'p'"
+    assert head == "# Written by `why-blurry photos` for 'p'"
     found = targets.export_command([str(tmp_path / "results" / "p.yaml")])
     assert found == "why-blurry export p"
     assert configs.program("judge") == "why-blurry judge"

@@ -36,7 +36,7 @@ def test_what_is_noted(scene):
 
 def test_poses_are_found_anew_from_the_folder_of_the_photos(scene):
     """Not from one with the cameras in it, which are found again."""
-    told = 'make photos FOLDER=scan/images PHOTOS="--name out_colmap"'
+    told = 'make photos FOLDER=scan/images OPTIONS="--name out_colmap"'
     found = json_files.read("out/poses.json")
     assert evidence.by_colmap(found, Path("out")) == told
     shutil.copy("scan/transforms.json", "scan/images")

@@ -296,7 +296,7 @@ def test_given_poses_that_aligning_did_not_help_are_found_anew_alone():
     assert advised(e, [GAIN]).startswith(
         f"{camera.ANEW} Until then train with the cameras"
     )
-    command = 'make photos FOLDER=scan/images PHOTOS="--name scan_colmap"'
+    command = 'make photos FOLDER=scan/images OPTIONS="--name scan_colmap"'
     e = e._replace(by_colmap=command)
     assert of(e)["do_first"]["command"] == command
 

@@ -133,14 +133,16 @@ def test_frames_too_small_or_too_large_are_refused_by_the_head(
     monkeypatch.setattr(video, "frames", None)
     monkeypatch.setattr(photos, "MAX_PIXELS", 15_000)
     film = write_film(tmp_path / "a.avi", [size] * 2)
-    with pytest.raises(ValueError, match=rf"a\.avi: a film of {size[0]}x{size[1]} pix"):
+    with pytest.raises(
+        ValueError, match=rf"a\.avi: a video of {size[0]}x{size[1]} pix"
+    ):
         video.extract(film, tmp_path)
 
 
 def test_a_frame_larger_than_the_head_says_is_refused(tmp_path, monkeypatch):
     film = write_film(tmp_path / "a.avi", [(200, 100)] * 2)
     monkeypatch.setattr(photos, "MAX_PIXELS", 15_000)
-    with pytest.raises(ValueError, match=r"a\.avi: a film of 200x100 pixels: over"):
+    with pytest.raises(ValueError, match=r"a\.avi: a video of 200x100 pixels: over"):
         list(video.frames(film, "film", 2, lambda number: True))
 
 
@@ -190,7 +192,7 @@ LISTS = {
 def test_a_list_of_other_files_is_no_film(tmp_path, form):
     other = write_film(tmp_path / "other.avi", [(64, 48)] * 3)
     (tmp_path / "a.mp4").write_text(form.format(other.name))
-    with pytest.raises(ValueError, match=r"a\.mp4: no film"):
+    with pytest.raises(ValueError, match=r"a\.mp4: no video"):
         video.extract(tmp_path / "a.mp4", tmp_path)
 
 

@@ -74,8 +74,11 @@ def test_gaussian_cameras_that_are_none(tmp_path, content, says):
 
 
 def test_no_cameras(tmp_path):
-    with pytest.raises(ValueError, match=r"neither transforms\.json, nor sparse/0"):
+    with pytest.raises(ValueError, match=r"no cameras in it: transforms\.json, "):
         lenses.read(tmp_path, SIZE)
+    (tmp_path / "README.md").touch()
+    with pytest.raises(ValueError, match=r"README\.md: no file of cameras: transforms"):
+        lenses.read(tmp_path / "README.md", SIZE)
     with pytest.raises(ValueError, match="no such file or folder of cameras"):
         lenses.read(tmp_path / "gone", SIZE)
 
