@@ -15,10 +15,10 @@
 # profiles/default holds the options that every command has.
 import gc
 import sys
-from pathlib import Path
 
 sys.path.insert(0, workflow.basedir)
 
+from snakemake.cli import get_argument_parser
 from snakemake.utils import min_version
 
 from alignerf.costs import plan as costs
@@ -126,4 +126,8 @@ for scene_name in experiment.scenes:
             targets.of_scene(experiment, scene_name),
 
 
-check.or_exit(targets.check_asked, workflow, experiment.scenes)
+# Snakemake has its targets only once this file is read; they are in its command line.
+if workflow.is_main_process and "snakemake" in sys.argv[0]:
+    asked, _ = get_argument_parser().parse_known_args()
+    every = [r.name for r in workflow.rules]
+    check.or_exit(targets.check_asked, asked.targets, experiment.scenes, every)

@@ -1,6 +1,6 @@
 """`python -m alignerf` is `why-blurry`."""
 
-from alignerf.cli import why_blurry
+import runpy
 
 if __name__ == "__main__":
-    why_blurry.main()
+    runpy.run_module("alignerf.cli.why_blurry", run_name="__main__")

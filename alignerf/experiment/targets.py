@@ -171,19 +171,10 @@ def replaced(experiment, dag):
     return found
 
 
-def check_asked(workflow, scenes):
-    """ValueError for a target that is no rule, scene or file, with the nearest name.
-
-    Snakemake has its targets only after it has read the Snakefile; until then they are
-    in its command line.
-    """
-    if not (workflow.is_main_process and "snakemake" in sys.argv[0]):
-        return
-    from snakemake import cli
-
-    asked, _ = cli.get_argument_parser().parse_known_args(sys.argv[1:])
-    known = [*scenes, *(rule.name for rule in workflow.rules)]
-    for name in asked.targets:
+def check_asked(names, scenes, rules):
+    """ValueError for a target that is no rule, scene or file, with the nearest name."""
+    known = [*scenes, *rules]
+    for name in names:
         if not (name in known or "/" in name or os.path.exists(name)):
             near = difflib.get_close_matches(name, known, 1, LIKENESS)
             hint = f"; perhaps {near[0]!r}" if near else ""

@@ -20,7 +20,7 @@ rule download_scene:
     log:
         "results/logs/download_360_v2/{capture}.log",
     wildcard_constraints:
-        capture=plan.one_of(Path(one).name for one in missing_scenes),
+        capture=plan.one_of(one.rpartition("/")[2] for one in missing_scenes),
     localrule: True
     conda:
         "../../environment.yml"
@@ -36,7 +36,9 @@ rule download_weights:
     log:
         "results/logs/download_{network}_weights.log",
     wildcard_constraints:
-        network=plan.one_of(Path(one).stem for one in missing_weights),
+        network=plan.one_of(
+            one[len("weights/") : -len(".npz")] for one in missing_weights
+        ),
     localrule: True
     conda:
         "../../environment.yml"
