@@ -40,7 +40,8 @@ if not workflow.overwrite_configfiles:
     configfile: workflow.source_path("workflow/config/demo.yaml")
 
 
-config = check.or_exit(check.checked, config, workflow.overwrite_configfiles)
+files = workflow.overwrite_configfiles
+config = check.or_exit(check.checked, config, files)
 # Whether a method with `rounds: auto` goes on is known once rule `decide` has run.
 experiment = plan.Experiment(
     config,
@@ -48,7 +49,7 @@ experiment = plan.Experiment(
         cluster.here(checkpoints.decide.get(**place).output[0])
     ),
 )
-check.or_exit(plan.check_equal, experiment)
+check.or_exit(check.named, files, plan.check_equal, experiment)
 export_by = targets.export_command(workflow.overwrite_configfiles)
 sources.set_environment(experiment.captures(), export_by)
 
@@ -87,7 +88,8 @@ rule all:
         [targets.of_scene(experiment, name) for name in experiment.captures()],
 
 
-check.or_exit(check.check_free, experiment.scenes, [r.name for r in workflow.rules])
+every = [r.name for r in workflow.rules]
+check.or_exit(check.named, files, check.check_free, experiment.scenes, every)
 check.or_exit(results.check_folders, experiment.scenes, experiment.methods)
 # Snakemake has a rule's output where its storage keeps it, if it is told of one.
 check.or_exit(cluster.link, experiment.scenes, rules.config.output[0])
@@ -129,5 +131,4 @@ for scene_name in experiment.scenes:
 # Snakemake has its targets only once this file is read; they are in its command line.
 if workflow.is_main_process and "snakemake" in sys.argv[0]:
     asked, _ = get_argument_parser().parse_known_args()
-    every = [r.name for r in workflow.rules]
     check.or_exit(targets.check_asked, asked.targets, experiment.scenes, every)

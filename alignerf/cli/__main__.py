@@ -6,6 +6,7 @@ App's All Data, Record3D's EXR + JPG), or several such folders. A small NeRF is 
 and a page says what blurs it. The config, results/NAME.yaml, is yours to edit.
 """
 
+import logging
 import sys
 from pathlib import Path
 
@@ -14,6 +15,8 @@ from alignerf.cli import configs, folders, light, workflow
 from alignerf.experiment import check, layout, plan, targets
 from alignerf.io import faults
 from alignerf.scenes import originals, photos
+
+log = logging.getLogger("alignerf")
 
 
 def main(argv=None):
@@ -35,8 +38,12 @@ def run(name, scenes, folder, args):
     path = Path("results") / f"{name}.yaml"
     configs.say_where(path, config_of(scenes, args), folder)
     scenes = still_in(path, scenes)
-    if not args.only_config:
+    try:
         folders.check_enough(scenes.values())
+    except ValueError as error:
+        if not args.only_config:
+            raise
+        log.warning("%s", error)
     for scene, content in scenes.items():
         by = " by COLMAP" if content.get("poses") == folders.BY_COLMAP else ""
         place = faults.one_line(content["path"])

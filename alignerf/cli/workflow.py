@@ -61,6 +61,7 @@ def command_of(path, cores, wanted, overrides, forced, first=()):
     profile = sources.PIPELINE / "profiles" / "default"
     command = [sys.executable, "-m", "snakemake", "--cores", str(cores)]
     command += ["--snakefile", str(sources.PIPELINE / "Snakefile")]
+    # Named, since a folder `default` of a user's comes before what is found by itself.
     command += ["--workflow-profile", str(profile)]
     command += ["--configfile", str(path)] if path else []
     command += ["--config", *overrides] if overrides else []

@@ -35,13 +35,18 @@ def checked(config, files=()):
     """
     for path in files:
         yaml_files.read(path)
+    return named(files, complete, config)
+
+
+def named(files, function, *arguments):
+    """function(*arguments); a ValueError on a config names the files that it is of."""
     try:
-        return complete(config)
+        return function(*arguments)
     except ValueError as error:
         text = str(error)
         if files and text.startswith(NO_FILE):
-            paths = ", ".join(os.path.relpath(path) for path in files)
-            text = text.replace(NO_FILE, f"{paths}: ", 1)
+            every = (min(str(f), os.path.relpath(f), key=len) for f in files)
+            text = text.replace(NO_FILE, f"{', '.join(every)}: ", 1)
         raise ValueError(text) from None
 
 

@@ -128,6 +128,13 @@ def test_the_config_is_one_that_can_be_run(here, capsys):
     assert "results/my_ph_otos/index.html" in capsys.readouterr().out
 
 
+def test_too_few_photos_are_said_where_only_the_config_is_written(here, caplog):
+    fill(here, "p/a.png")
+    start.main(["p", "--only-config"])
+    assert "p: 1 photo is too few: take 20 or more" in caplog.text
+    assert (here / "results/p.yaml").is_file()
+
+
 def test_what_was_forgotten_is_said_the_next_time(here):
     fill(here, "p/a.png")
     start.main(["p", "--only-config"])
