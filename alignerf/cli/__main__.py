@@ -1,4 +1,4 @@
-"""From a folder of photos to its page: `make photos FOLDER=my_photos`.
+"""Train on photos, and say on a page what blurs them: `make photos FOLDER=my_photos`.
 
 FOLDER holds photos (also HEIC), videos, or photos with cameras by another program
 (transforms.json, sparse/0, poses_bounds.npy) or an app (Polycam's raw data, 3d Scanner

@@ -17,6 +17,7 @@ from pathlib import Path
 import filelock
 import yaml
 
+from alignerf.captures import base
 from alignerf.cli import folders
 from alignerf.experiment import check, sources
 from alignerf.experiment.checks import results
@@ -193,6 +194,12 @@ def read(path):
     if not isinstance(content.get("scenes"), dict):
         raise ValueError(f"{path}: no scenes in it: {instead}")
     return content
+
+
+def can_export(scene):
+    """Whether a scene of a config may have an export; what is wrong is said later."""
+    is_known = isinstance(scene, dict) and scene.get("source") in base.every()
+    return not is_known or base.of(scene).can_export(scene)
 
 
 def say_where(path, config, folder, *, by="photos"):

@@ -10,7 +10,7 @@ import difflib
 import sys
 from pathlib import Path
 
-from alignerf.captures import base, typed
+from alignerf.captures import typed
 from alignerf.cli import configs, folders, workflow
 from alignerf.experiment import targets
 from alignerf.io import faults, machine, provenance
@@ -70,17 +70,11 @@ def is_demos(name):
 
 def check_judged(path, scenes):
     """ValueError where scenes are nothing but renders that cannot be corrected."""
-    if not any(map(can_export, scenes)):
+    if not any(map(configs.can_export, scenes)):
         raise ValueError(
             f"{path}: nothing to export: CAMERAS was not given, or no render is of a "
             "photo that was learnt from. Judge again with both"
         )
-
-
-def can_export(scene):
-    """Whether a scene of a config may have an export; what is wrong is said later."""
-    is_known = isinstance(scene, dict) and scene.get("source") in base.every()
-    return not is_known or base.of(scene).can_export(scene)
 
 
 def parse(argv=None):

@@ -40,7 +40,8 @@ def run(path, cores, *wanted, overrides=(), forced=(), first=()):
     files that are made anew. first: files that come before all others, with what they
     need.
     """
-    captures = list(configs.read(path or targets.DEMO)["scenes"])
+    scenes = configs.read(path or targets.DEMO)["scenes"]
+    captures = list(scenes)
     if path and light.takes(path):
         code = light.run(path, cores, wanted, overrides, forced)
     elif importlib.util.find_spec("snakemake") is None:
@@ -51,7 +52,8 @@ def run(path, cores, *wanted, overrides=(), forced=(), first=()):
             return loud(command)
         code = quiet(command, captures)
     if code == 0 and (not wanted or "all" in wanted):
-        export = targets.export_command([path] if path else [])
+        exports = any(map(configs.can_export, scenes.values()))
+        export = exports and targets.export_command([path] if path else [])
         print("\n".join(targets.verdicts(captures, export=export)), flush=True)
     return code
 
