@@ -186,7 +186,7 @@ def test_of_folders_of_steps_the_last_counts(tmp_path, taken):
 @pytest.mark.parametrize("place", ["out.mp4", "."])
 def test_a_film_is_told_how_to_become_renders(tmp_path, taken, place):
     (tmp_path / "out.mp4").write_bytes(b"")
-    with pytest.raises(ValueError, match=r"out\.mp4: a film: .* ffmpeg -i"):
+    with pytest.raises(ValueError, match=r"out\.mp4: a video: .* ffmpeg -i"):
         renders.find(tmp_path / place, taken)
 
 
