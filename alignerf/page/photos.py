@@ -303,11 +303,19 @@ def afters(every, tried):
 def opening(every, after):
     """{key, left, right} of what the page opens with: before and after.
 
-    The worst photo that has both; without any, the worst beside its render.
+    The photo whose render gains most sharpness; without any that has both, the worst
+    one beside its render.
     """
-    for one in every:
-        if after and after[0] in one.layers:
-            return {"key": one.key, "left": "render", "right": after[0]}
+
+    def gained(one):
+        before, now = (
+            image_metrics.detail(one.layers[name]()) for name in ("render", after[0])
+        )
+        return now / max(before, 1e-6)
+
+    both = [one for one in every if after and after[0] in one.layers]
+    if both:
+        return {"key": max(both, key=gained).key, "left": "render", "right": after[0]}
     return {"key": every[0].key, "left": "photo", "right": "render"}
 
 
