@@ -1,4 +1,4 @@
-# make run                        diagnose the demo scene, in 5 to 8 minutes on two cores
+# make run                        diagnose the demo scene, in 4 minutes on two cores
 # make photos FOLDER=my_photos    train on your photos or video, and diagnose the result
 # make poses FOLDER=my_scan       check the cameras that came with photos, and adjust them
 # make judge PHOTOS=images RENDERS=renders CAMERAS=sparse/0

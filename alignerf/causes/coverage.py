@@ -131,7 +131,7 @@ FLOATERS = base.Cause(
     ),
     says=lambda e: f"in {base.number(e.hidden_views)} views",
     called="floaters {probably}hide parts of views",
-    sentence="Floaters {probably}hide parts of {e.hidden_views:.0f} views: renders show "
+    sentence="Floaters {probably}hide parts of {e.hidden_views:.0f} views: they show "
     "something close to the camera that is not in the photo.",
     advice="",
     advice_external="take more photos where floaters hang, or prune what is near the "

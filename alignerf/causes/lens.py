@@ -160,8 +160,8 @@ SHIFT = cause(
     advice_external=lambda e, gains: (
         CORRECTED
         if part_px(e, "centre") and corrects(e)
-        else "check the pixel centers and principal point that your program had: half a "
-        "pixel of misalignment comes from a wrong origin of pixels."
+        else "check the pixel centers and principal point that your program had: a "
+        "wrong origin of pixels misaligns by half a pixel."
     ),
 )
 DISTORTION = cause(

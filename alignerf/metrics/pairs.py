@@ -58,8 +58,8 @@ ADVICE = {
     "flat": "look at the renders: the training may have failed.",
     "empty": "render whole photos; give alpha 0 where a render must be empty.",
     "swapped": "give each render the name of its photo, and judge again.",
-    "turned": "rotate photos and renders alike: EXIF or cameras may say how. No program "
-    "can use a mirrored photo.",
+    "turned": "rotate photos and renders alike: EXIF or cameras may say how. No "
+    "program can use a mirrored photo.",
     "strange": "give photos and renders of one capture.",
     "bright": "give renders as PNG or JPEG in sRGB, as the photos are.",
 }

@@ -1,4 +1,4 @@
-"""The verdict as the page shows it: headline, what to do first, fixes, checks, a summary.
+"""The verdict as the page shows it: what to do first, fixes, checks, a summary.
 
 From verdict.json, which holds what `alignerf.verdict.report` tells.
 """
@@ -69,8 +69,8 @@ def fixes(tried):
     """{rows, zero, against} of the fixes of a run; None where nothing was tried.
 
     Rows have `start`, `width`, `low_at` and `span` of their bars, in percent of all
-    bars' width, and `text_of` gain and interval. against: test sets, in words, and each row's own where they
-    differ.
+    bars' width, and `text_of` gain and interval. against: test sets, in words; where
+    they differ, each row's notes have its own.
     """
     if not tried:
         return None

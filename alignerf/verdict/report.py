@@ -229,7 +229,11 @@ def gauge(cause, e, findings, spoilt=None):
         unknown |= bool(spoilt or e.pairs.stops)
         level = UNKNOWN if unknown else OK
     measured = cause.says(e) if cause.says else amount(value, cause.unit)
-    allowed = f"{'from' if cause.more_is_better else 'up to'} {bare(limit, cause.unit)}"
+    bound = amount(limit, cause.unit)
+    if not cause.says:
+        # The unit stands beside what was measured.
+        bound = bound.removesuffix(f" {cause.unit}")
+    allowed = f"{'from' if cause.more_is_better else 'up to'} {bound}"
     allowed = allowed if limit or cause.more_is_better else "none"
     note = ""
     if spoilt and level == UNKNOWN:
@@ -252,11 +256,6 @@ def gauge(cause, e, findings, spoilt=None):
         "page": cause.page,
         "text": f"{cause.label} ({note if level == UNKNOWN else said})",
     }
-
-
-def bare(value, unit):
-    """A limit, in digits of what it bounds; its unit stands beside that."""
-    return amount(value, unit).removesuffix(f" {unit}")
 
 
 def without_command(do_first):

@@ -277,4 +277,4 @@ def test_the_demo_takes_as_long_wherever_that_is_said(page_of, name, before):
     start = text.index(before)
     found = COST.search(text[start : start + 120])
     assert found, name
-    assert found[0].startswith("5 to 8 min")
+    assert found[0].startswith("4 min")

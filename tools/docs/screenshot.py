@@ -1,7 +1,7 @@
 """Make the pictures of the demo's page: `python -m tools.docs.screenshot INDEX.html`.
 
-docs/pictures/page.jpg: the upper part of the page, which README shows; page_WIDTH_THEME.jpg:
-the same as wide as a screen, a tablet and a phone, light and dark, for the eye.
+docs/pictures/page.jpg: the upper part of the page, which README shows;
+page_WIDTH_THEME.jpg: more of it, as wide as a screen, a tablet and a phone.
 docs/outputs/verdict.txt: the verdict as a run prints it, for `make docs` to quote.
 Needs chromium with its chromedriver.
 """

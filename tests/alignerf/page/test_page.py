@@ -14,7 +14,6 @@ from alignerf.io import images, provenance
 from alignerf.page import __main__ as page
 from alignerf.page import photos, pictures
 
-
 EXPORT = provenance.export_command()
 
 
