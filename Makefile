@@ -1,9 +1,10 @@
 # make run                        diagnose the demo scene, in 4 minutes on two cores
 # make photos FOLDER=my_photos    train on your photos or video, and diagnose the result
-# make poses FOLDER=my_scan       check the cameras that came with photos, and adjust them
+# make poses FOLDER=my_scan       check the cameras that came with photos, and adjust them;
+#                                 nothing is trained
 # make judge PHOTOS=images RENDERS=renders CAMERAS=sparse/0
-#                                 diagnose renders of another program; of a splat's file
-#                                 with SPLAT=model.ply in place of RENDERS
+#                                 diagnose renders of another program, or a splat:
+#                                 SPLAT=model.ply instead of RENDERS
 # make export SCENE=my_photos     write photos, cameras and points for other programs
 #
 # Options: OPTIONS="--name x"; `make photos OPTIONS=--help` lists those of photos.
@@ -53,8 +54,9 @@ show: $(VENV)/.installed
 
 # By the environment: a shell would see more than a name in some names. PHOTOS, which is
 # `make judge`'s, is taken for FOLDER.
-photos: export PHOTOS_FOLDER := $(value FOLDER)$(value PHOTOS)
+photos: export PHOTOS_FOLDER := $(if $(value FOLDER),$(value FOLDER),$(value PHOTOS))
 photos: $(VENV)/.installed
+	$(if $(value FOLDER),$(if $(value PHOTOS),@echo 'error: PHOTOS beside FOLDER: options go into OPTIONS="--name x"'; exit 1))
 	@exec python -m alignerf.cli --cores $(CORES) $(OPTIONS) -- "$$PHOTOS_FOLDER"
 
 poses: export POSED_FOLDER := $(value FOLDER)

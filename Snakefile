@@ -129,6 +129,6 @@ for scene_name in experiment.scenes:
 
 
 # Snakemake has its targets only once this file is read; they are in its command line.
-if workflow.is_main_process and "snakemake" in sys.argv[0]:
+if workflow.is_main_process and "snakemake" in sys.argv[0].split("/")[-2:]:
     asked, _ = get_argument_parser().parse_known_args()
     check.or_exit(targets.check_asked, asked.targets, experiment.scenes, every)

@@ -47,5 +47,6 @@ if sys.argv[:1] == ["-m"]:
 def __getattr__(name: str) -> Any:
     if name not in __all__:
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-    module = "io.version" if name == "__version__" else "api.diagnosis"
-    return getattr(importlib.import_module(f"alignerf.{module}"), name)
+    if name == "__version__":
+        return importlib.import_module("alignerf.io.provenance").VERSION
+    return getattr(importlib.import_module("alignerf.api.diagnosis"), name)

@@ -56,6 +56,16 @@ JAX = {"jax", "flax", "optax"}
 MODULES = sorted(SOURCES)
 
 
+def without_types(tree):
+    """A module without what it imports for a checker of types alone."""
+    kept = [
+        node
+        for node in tree.body
+        if getattr(getattr(node, "test", None), "id", "") != "TYPE_CHECKING"
+    ]
+    return ast.Module(kept, tree.type_ignores)
+
+
 def imports(name):
     """Full names of all modules that a module imports.
 
@@ -64,7 +74,7 @@ def imports(name):
     tree, below = SOURCES[name], ast.walk
     if folder(name) == "alignerf.captures":
         below = ast.iter_child_nodes
-    for node in below(tree):
+    for node in below(without_types(tree)):
         if isinstance(node, ast.Import):
             yield from (alias.name for alias in node.names)
         elif isinstance(node, ast.ImportFrom):

@@ -36,7 +36,7 @@ NAME, MODES = "diagnosed", ("camera_to_world", "world_to_camera")
 POSES, LENS, NAMED = ("camera", "focal"), ("lens_shift",), ("faulty", "likely")
 # What exports from the folder that is no more.
 EXPORT = f"make export SCENE={NAME}"
-LINK = re.compile(r'<a href="[\w/.][\w/.#-]*"[^>]*>(.*?)</a>', re.DOTALL)
+LINK = re.compile(r'<a (?:data-doc href="[^"]*"|href="[\w/.]+")>(.*?)</a>', re.DOTALL)
 
 Images = np.ndarray | Sequence[np.ndarray]
 Files = str | os.PathLike

@@ -48,10 +48,14 @@ SPARSE = base.Cause(
 
 def few_views(e):
     """Too few photos to learn or to judge from."""
-    few_test = e.test_views < shift.FEW_TEST_VIEWS and not e.judged
-    return (
-        (e.train_views + e.test_views, True) if shift.few_train(e) or few_test else None
-    )
+    few = shift.few_train(e) or few_held_out(e)
+    return (e.train_views + e.test_views, True) if few else None
+
+
+def few_held_out(e):
+    """Whether it is the held-out photos that are too few."""
+    few = e.test_views < shift.FEW_TEST_VIEWS and not e.judged
+    return few and not shift.few_train(e)
 
 
 def counted(e, probably):
@@ -72,8 +76,9 @@ FEW_VIEWS = base.Cause(
     order=(8, 2, 10),
     label="number of photos",
     unit="photos",
-    value=shift.views,
-    limit=lambda e: shift.FEW_TRAIN_VIEWS,
+    value=lambda e: e.test_views if few_held_out(e) else shift.views(e),
+    limit=lambda e: shift.FEW_TEST_VIEWS if few_held_out(e) else shift.FEW_TRAIN_VIEWS,
+    says=lambda e: f"{e.train_views} and {e.test_views} held out",
     more_is_better=True,
     decide=few_views,
     called="photos are few",

@@ -38,5 +38,6 @@ CAUSE = base.Cause(
     sentence="Things {probably}moved between photos: {value:.0f} % of a photo moves "
     "independently of the camera.",
     advice=advise,
-    advice_external="train again on the warped photos: `{export}` writes them.",
+    advice_external="leave out the photos in which things moved, or train on warped "
+    "ones, which `{export}` writes.",
 )

@@ -54,8 +54,8 @@ def advise(e, gains, *, only_paying=False):
         return f"leave the cameras as they are: {best.method} found none to move."
     if pays(e, best):
         return (
-            f"train with the cameras that {best.method} has corrected: "
-            f"`{provenance.export_command()}`."
+            f"train on the corrected cameras ({best.method}), which "
+            f"`{provenance.export_command()}` writes."
         )
     if only_paying or e.test_views < shift.FEW_TEST_VIEWS:
         return ""

@@ -72,6 +72,7 @@ def parser(command, description, *shared):
         usage=provenance.typed(USAGE[command], None),
         description=description,
         formatter_class=argparse.RawDescriptionHelpFormatter,
+        allow_abbrev=False,
     )
     for option in shared:
         made.add_argument(option, **SHARED[option])

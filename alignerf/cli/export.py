@@ -51,7 +51,7 @@ def config_of(name):
     known = sorted(one.stem for one in Path("results").glob("*.yaml"))
     known += filter(is_demos, targets.demo_scenes())
     near = difflib.get_close_matches(names[-1], known, 1)
-    there = f", but {', '.join(near or known)} does" if known else ""
+    there = f"; there is {', '.join(near or known)}" if known else ""
     raise ValueError(
         f"results/{names[-1]}.yaml does not exist{there}: run `{photos.format(name)}` "
         "first, or, for a config of your own, `snakemake --cores "
@@ -73,7 +73,7 @@ def check_judged(path, scenes):
     if not any(map(configs.can_export, scenes)):
         raise ValueError(
             f"{path}: nothing to export: CAMERAS was not given, or no render is of a "
-            "photo that was learnt from. Judge again with both"
+            "training photo. Judge again with both"
         )
 
 

@@ -68,6 +68,8 @@ def main(argv=None):
     for key in ("photos", "renders", "splat", "cameras"):
         if path := getattr(args, key):
             setattr(args, key, str(typed.judged(key.upper(), path)))
+    if args.depth and not Path(args.depth).exists():
+        raise ValueError(f"DEPTH: {args.depth} does not exist")
     name = args.name or new_name(args)
     if args.before is None:
         args.before = last_of(args.photos, name)
@@ -321,7 +323,7 @@ def every_nth(text):
     key, _, number = text.partition("=")
     is_number = number.isascii() and number.isdecimal()
     if key != "every" or not is_number or not 2 <= int(number) <= 10000:
-        raise argparse.ArgumentTypeError(f"{text!r}: every=8 was expected, or another")
+        raise argparse.ArgumentTypeError(f"{text!r}: give every=N, N from 2 to 10000")
     return int(number)
 
 

@@ -84,7 +84,8 @@ def write_adjusted(name, place, config, args):
                 write(folder, scratch, views, checked, config, photos_too=photos_too)
             report = checked.report | {"of": str(config["path"])}
             (folder / "report.json").write_text(json.dumps(report, indent=1) + "\n")
-        print(f"{name}: {place / NAME}", flush=True)
+        alone = "" if checked.report["adjustment"]["accepted"] else ", the report alone"
+        print(f"{name}: {place / NAME}{alone}", flush=True)
 
 
 def summary(report):

@@ -7,7 +7,6 @@ import importlib
 import os
 import sys
 
-import alignerf
 from alignerf.io import faults, provenance
 from alignerf.io.environment import switches
 
@@ -48,7 +47,7 @@ def run(command="--help", *words):
         print(HELP.strip())
         return
     if command == "--version":
-        print(f"why-blurry {alignerf.__version__}")
+        print(f"why-blurry {provenance.VERSION}")
         return
     if command not in COMMANDS:
         known = ", ".join(COMMANDS)

@@ -16,6 +16,8 @@ from pathlib import Path
 
 from alignerf.io import json_files, yaml_files
 
+# Of this program; pyproject.toml takes it from here.
+VERSION = "0.2.0"
 ROOT = Path(__file__).resolve().parents[2]
 LOCK = "requirements.lock"
 # Where Snakefile, workflow/ and results/published lie: beside the sources, or in the

@@ -7,6 +7,7 @@ that needs no network.
 import base64
 import os
 from pathlib import Path
+from urllib.parse import quote
 
 import jinja2
 
@@ -15,6 +16,7 @@ from alignerf.io import atomic, faults, provenance
 from alignerf.page import contents, photos, pictures, rig, told
 
 HERE = Path(__file__).resolve().parent
+DOCS = provenance.ROOT / "docs"
 
 
 OPTIONS = {
@@ -65,7 +67,7 @@ def render(folder, *, rounds, base, others=None, crops=NOTHING, moved=NOTHING[:2
         export = None
     limit_px = pictures.limit_of(verdict["evidence"])
     decisions, taken = contents.decisions(folder)
-    pages = provenance.ROOT / "docs"
+    is_checkout = provenance.PIPELINE == provenance.ROOT
     return template().render(
         scene=scene,
         verdict=verdict,
@@ -75,7 +77,7 @@ def render(folder, *, rounds, base, others=None, crops=NOTHING, moved=NOTHING[:2
         mark=told.MARK,
         tables=contents.tables(folder, photos.scale(folder)),
         origin=contents.origin(folder, export),
-        docs=os.path.relpath(pages, folder) if pages.is_dir() else None,
+        docs=quote(os.path.relpath(DOCS, folder)) if is_checkout else None,
         figures=figures(folder),
         decisions=decisions,
         decisions_taken=taken,
@@ -91,13 +93,15 @@ def seen(folder, rounds, others, base, limit_px, verdict, crops, moved):
     photo_px, turns = photos.scale(folder), contents.quarter_turns(folder)
     every = photos.shown(folder, rounds, others, base, limit_px)
     entries = photos.entries(every, limit_px, photo_px)
-    after = photos.afters(every, verdict["tried"])
+    after = photos.afters(every, verdict["tried"], base.parent.name)
+    images = pictures.fitted(every)
+    there = [one for one in every if one.key in images]
     data = {
         "photos": entries,
-        "images": pictures.fitted(every),
+        "images": images,
         "layers": list(dict.fromkeys(name for one in every for name in one.layers)),
         "after": after,
-        "opening": photos.opening(every, after) if every else None,
+        "opening": photos.opening(there, after) if there else None,
         "crops": photos.crops(*crops, every),
         "rig": rig.told(folder, turns, moved[1]),
     }

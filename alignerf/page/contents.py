@@ -5,13 +5,15 @@ sorted by.
 """
 
 import math
+import re
 from datetime import UTC, datetime
+from pathlib import Path
 from typing import NamedTuple
 
 import pandas as pd
 
 from alignerf.experiment import decisions as decided
-from alignerf.io import csv_files, faults, json_files, machine, version, yaml_files
+from alignerf.io import csv_files, faults, json_files, provenance, yaml_files
 from alignerf.scenes import prepared
 from alignerf.scenes.external import geometry
 from alignerf.tables import columns, scores
@@ -131,22 +133,22 @@ def cell(row, key, form):
 
 
 def origin(folder, export):
-    """(name, text) of what made the page: version, when, the command, its input."""
-    scene = faults.resolved(folder).name
-    own = yaml_files.read(folder / "config.yaml").get("scenes", {}).get(scene, {})
-    command = (export or "").replace(" export", "", 1)
-    if not command.startswith("snakemake"):
-        config = f"results/{scene}.yaml"
-        command = f"snakemake --cores {machine.cores()} --configfile {config}"
-        command = command if (folder.parent / f"{scene}.yaml").is_file() else "make run"
+    """(name, text) of what made the page: version, when, the command, its input.
+
+    Of the input the folder's name alone: the page is sent to others.
+    """
+    scene, said = faults.resolved(folder).name, {}
+    config = folder.parent / f"{scene}.yaml"
+    if config.is_file():
+        # As `cli.configs` begins the configs that it writes.
+        first = faults.text(config).partition("\n")[0]
+        if written := re.fullmatch(r"# Written by `(.+)` for (.+)", first):
+            said = {"command": written[1], "input": Path(written[2]).name}
+    elif (export or "").startswith("snakemake"):
+        said = {"command": export.replace(" export", "", 1)}
     made = datetime.fromtimestamp((folder / "verdict.json").stat().st_mtime, UTC)
-    given = own.get("path") or own.get("images") or f"the embedded {scene}"
-    return [
-        ("why-blurry", version.__version__),
-        ("on", f"{made:%Y-%m-%d %H:%M} UTC"),
-        ("command", command),
-        ("input", given),
-    ]
+    on = {"why-blurry": provenance.VERSION, "on": f"{made:%Y-%m-%d %H:%M} UTC"}
+    return [*on.items(), ("scene", scene), *said.items()]
 
 
 def quarter_turns(folder):

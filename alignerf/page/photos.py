@@ -289,13 +289,19 @@ def strip(photos, limit_px):
     return {"bars": bars, "limit": STRIP_HEIGHT * limit_px / max_px, "most": max_px}
 
 
-def afters(every, tried):
+def afters(every, tried, reference=""):
     """Layers of renders after a fix, the one that gained most first.
 
-    every: `Shown`s. tried: the verdict's; without them, the last is first.
+    every: `Shown`s. tried: the verdict's; without them, the last is first. reference:
+    the method of the rounds.
     """
     names = dict.fromkeys(name for one in every for name in list(one.renders)[1:])
-    gained = {f"render, {t.get('method')}": t.get("db") or 0.0 for t in tried}
+    rounds = [name for name in names if not name.startswith("render,")]
+    gained = {}
+    for one in tried:
+        # Of several rounds the last is shown.
+        own = rounds if one["method"] == reference else [f"render, {one['method']}"]
+        gained |= dict.fromkeys(own, one["db"])
     order = list(reversed(names))
     return sorted(order, key=lambda name: -gained.get(name, -np.inf))
 

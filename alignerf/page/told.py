@@ -9,6 +9,10 @@ from alignerf.verdict import report
 
 # A level's sign, which tells it without colours.
 SIGNS = dict(zip(report.LEVELS, ("\u2715", "!", "\u2713", "?"), strict=True))
+# Of fixes: those that pay, those that harm, others.
+KINDS = {"ok": "\u2713", "faulty": "\u2715", "unclear": "\u2013"}
+# What causes and fixes have here that those of an older verdict.json lack.
+KEYS = {"causes": {"more_is_better", "note", "page"}, "tried": {"notes", "seconds"}}
 # How often the cause of a planted fault is named first: {capture: (right, of)}, by
 # limits fitted on the others; and false causes a verdict (docs/measured/verdicts.csv).
 RIGHT = {
@@ -28,7 +32,10 @@ WIDE_DB = 0.5
 
 def read(folder):
     """What verdict.json holds, its command apart from its text, `gauges`, `fixes`."""
-    found = json_files.read(folder / "verdict.json", {"causes": list, "do_first": dict})
+    path = folder / "verdict.json"
+    found = json_files.read(path, {"causes": list, "do_first": dict, "tried": list})
+    if not all(keys <= {*one} for name, keys in KEYS.items() for one in found[name]):
+        raise ValueError(f"{path}: of another version of this program: run it again")
     first = found["do_first"] | {"text": report.without_command(found["do_first"])}
     return found | {
         "do_first": first,
@@ -52,10 +59,10 @@ def gauge(one):
     """A cause with its sign, and its bar: `filled`, and whether it is `clipped`.
 
     filled: in shares of the bar's width, MARK at the limit, longer is worse; None where
-    nothing was measured, and where none is allowed and none was found.
+    nothing was measured or it is not significant, and where none is allowed or found.
     """
     value, limit = one["value"], one["limit"]
-    if one["level"] == report.UNKNOWN or value is None or limit is None:
+    if one["note"] or one["level"] == report.UNKNOWN or None in (value, limit):
         filled = None
     else:
         part, whole = (limit, value) if one["more_is_better"] else (value, limit)
@@ -69,12 +76,14 @@ def fixes(tried):
     """{rows, zero, against} of the fixes of a run; None where nothing was tried.
 
     Rows have `start`, `width`, `low_at` and `span` of their bars, in percent of all
-    bars' width, and `text_of` gain and interval. against: test sets, in words; where
-    they differ, each row's notes have its own.
+    bars' width, and `text_of` gain and interval; a fix without an interval has a line
+    of no width. against: the test set in words; where they differ, each row's notes
+    have its own.
     """
     if not tried:
         return None
-    ends = [end for one in tried for end in (one["low"], one["high"], one["db"], 0.0)]
+    tried = [one | ends_of(one) for one in tried]
+    ends = [end for one in tried for end in (one["low"], one["high"], 0.0)]
     low, high = min(ends), max(ends)
 
     def at(db):
@@ -83,33 +92,38 @@ def fixes(tried):
     against = dict.fromkeys(testsets.against(one["test_set"]) for one in tried)
     rows = []
     for one in tried:
+        kind = "ok" if one["pays"] else "faulty" if one["high"] < 0 else "unclear"
         apart = [testsets.against(one["test_set"])] * (len(against) > 1)
-        significant = one["low"] > 0 or one["high"] < 0
+        bar = at(min(one["db"], 0)), at(max(one["db"], 0))
         rows.append(
             one
             | {
-                "kind": "ok" if one["pays"] else "faulty" if significant else "unclear",
-                "sign": "\u2713"
-                if one["pays"]
-                else "\u2715"
-                if significant
-                else "\u2013",
+                "kind": kind,
+                "sign": KINDS[kind],
                 "notes": [*apart, *one["notes"]],
-                "start": at(min(one["db"], 0)),
-                "width": at(max(one["db"], 0)) - at(min(one["db"], 0)),
+                "start": bar[0],
+                "width": bar[1] - bar[0],
                 "text_of": spoken(one),
                 "low_at": at(one["low"]),
                 "span": at(one["high"]) - at(one["low"]),
             }
         )
-    return {"rows": rows, "zero": at(0.0), "against": ", ".join(filter(None, against))}
+    said = next(iter(against)) if len(against) == 1 else ""
+    return {"rows": rows, "zero": at(0.0), "against": said}
+
+
+def ends_of(one):
+    """The ends of a gain's interval; without one, the gain itself."""
+    ends = {end: one[end] for end in ("low", "high")}
+    return {end: one["db"] if db is None else db for end, db in ends.items()}
 
 
 def spoken(one):
     """(gain, interval) in words, to a tenth of a dB where the interval is that wide."""
-    decimals = 1 if one["high"] - one["low"] >= WIDE_DB else 2
-    db, low, high = (f"{one[key]:+.{decimals}f}" for key in ("db", "low", "high"))
-    return db, f"{low} to {high}"
+    values = [one[key] for key in ("db", "low", "high")]
+    tenths = one["high"] - one["low"] >= WIDE_DB and min(map(abs, values)) >= 0.05
+    db, low, high = (f"{value:+.{1 if tenths else 2}f}" for value in values)
+    return db, f"{low} to {high}" if one["low"] < one["high"] else "unknown"
 
 
 def summary(scene, told, facts, export):

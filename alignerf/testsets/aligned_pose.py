@@ -20,7 +20,7 @@ TEST_SETS = [
         difference=Quantity("pose_gain", 120, "pose gain"),
         fair_for=frozenset({"cameras", "photos"}),
         preference=30,
-        against="on held-out photos, each by a camera moved to fit it,",
+        against="on held-out photos, by cameras moved to fit them",
     ),
     TestSet(
         name="aligned_pose_overfit",

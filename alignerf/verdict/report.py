@@ -116,7 +116,9 @@ def headline(e, findings):
         px = length(e.crops.flow_px)
         return f"cannot be told for sure: crops are {px} apart.{also}"
     if coverage.SPARSE.find(e):
-        return f"cannot be told: held-out photos are far worse than learnt ones.{also}"
+        return (
+            f"cannot be told: held-out photos are far worse than training photos.{also}"
+        )
     seen = f"a misalignment under {length(shift.limit_px(e))} would not be seen"
     return f"cannot be told at this size: {seen}.{also}"
 
@@ -176,7 +178,7 @@ def with_export(e, text):
         return "give the cameras, too (CAMERAS=...): then they can be corrected."
     if not e.train_views:
         return (
-            "render the photos that the program has learnt from, too, and judge again: "
+            "render the training photos, too, and judge again: "
             "only those can be corrected."
         )
     return text.format(export=provenance.export_command())
@@ -187,6 +189,8 @@ def tried(gain, e):
     took = f"{gain.minutes:.0f} min" if gain.minutes >= 2 else f"{took_s(gain)} s"
     against = testsets.against(gain.test_set)
     interval = f"[{gain.low:+.2f}, {gain.high:+.2f}]"
+    if not math.isfinite(gain.low + gain.high):
+        interval = "(no interval)"
     parts = [f"{gain.name}: {gain.db:+.2f} dB {interval} {against}".strip()]
     parts[0] += f", {took}"
     matches = ""
@@ -240,7 +244,7 @@ def gauge(cause, e, findings, spoilt=None):
         note = f"{CANNOT_TELL} {spoilt.cause.spoils}"
     elif level == OK and (value < limit if cause.more_is_better else value > limit):
         # Views do not agree on it, or matches deny it.
-        note = "not confirmed"
+        note = "not significant"
     said = f"{measured}; {note or f'fine: {allowed}'}"
     return {
         "cause": cause.name,

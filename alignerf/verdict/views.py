@@ -109,7 +109,7 @@ def named(views):
 # What makes a view stand out, and in which direction.
 REASONS = (
     ("psnr_db", -1, "much farther from its render than the others"),
-    ("flow_px", 1, "shifted against its render"),
+    ("flow_px", 1, "misaligned with its render"),
     ("camera_px", 1, "its camera is off"),
     ("moved_fraction", 1, "much of it moved"),
     ("sharpness_ratio", -1, "blurred"),

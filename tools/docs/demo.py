@@ -1,7 +1,7 @@
 """Take a run of the demo into docs/: `python -m tools.docs.demo results/courtyard`.
 
-Writes its table into docs/measured, a figure and the picture of its page into
-docs/pictures, and its verdict into docs/outputs. Then `make docs`. What pages say of
+Writes its table into docs/measured, pictures of its page into docs/pictures, and its
+verdict into docs/outputs. Then `make docs`. What pages say of
 the run in words is to be read again.
 """
 
@@ -11,7 +11,6 @@ import json
 from pathlib import Path
 
 import pandas as pd
-from PIL import Image
 
 from tools.docs import screenshot
 
@@ -19,10 +18,7 @@ MACHINE = (
     "two hyperthreads of one core of a shared x86-64 machine, nothing else of ours "
     "running, no accelerator"
 )
-# As the tables of docs/ call rows.
-NAMES = {"aligned": "aligned (in the loop)", "alignerf": "alignerf (derivative bank)"}
 SETS = ("standard", "warped", "control", "oracle")
-WIDEST_PX = 1600
 
 
 def main(argv=None):
@@ -37,12 +33,6 @@ def main(argv=None):
     table = misalignment(pd.read_csv(tables / "misalignment.csv"))
     text = table.to_csv(index=False, float_format="%.2f", lineterminator="\n")
     (args.root / "docs" / "measured" / "misalignment.csv").write_text(header + text)
-    picture = args.root / "docs" / "pictures" / "courtyard_rounds.png"
-    with Image.open(args.scene / "figures" / "rounds.png") as image:
-        image = image.convert("RGB")
-    # As wide as a page shows it: a third of the bytes.
-    image.thumbnail((WIDEST_PX, WIDEST_PX))
-    image.save(picture, optimize=True)
     page = str(args.scene / "index.html")
     screenshot.main([page, "--root", str(args.root)])
 
@@ -57,12 +47,10 @@ def misalignment(table):
     # A row that is compared with itself has no difference.
     compared = oracle[ends]
     rows = rows.join(compared.where(compared.ne(0).any(axis=1), axis=0))
-    rows["aligned_pose_db"] = scores["aligned_pose"]
     for time in ("train_time_s", "total_time_s"):
         rows[time] = oracle[time].round().astype(int)
     rows["params_million"] = oracle["params"] / 1e6
-    rows = in_order(rows, table).reset_index()
-    return rows.assign(method=rows["method"].replace(NAMES))
+    return in_order(rows, table).reset_index()
 
 
 def in_order(rows, table):

@@ -20,7 +20,7 @@ from alignerf.io import atomic, faults
 GENERATOR = "properdocs"
 # Where the demo's page lies in the site, and where pages name it.
 DEMO, MARK = "demo/index.html", "<!-- demo -->"
-PAGE = re.compile(r'href="[./]*/docs/([\w/]+)\.md(#[\w-]+)?"')
+PAGE = re.compile(r'data-doc href="[^"]*/docs/([\w/]+)\.md(#[\w-]+)?"')
 LINK = re.compile(r'<a href="(?![a-z]+:|#)([^"#?]+)"')
 
 

@@ -28,15 +28,16 @@ SIZE, CAMTOPIX = cases.SIZE, cases.CAMTOPIX
 def lines(root):
     """{what judges: its arguments} in the order of the page."""
     page = (root / "docs" / "howto" / "splat.md").read_text()
-    words = [shlex.split(line.replace("\\\n", "")) for line in LINE.findall(page)]
+    found = LINE.findall(page)
+    words = [shlex.split(one.replace("\\\n", ""), comments=True) for one in found]
     found = [dict(word.split("=", 1) for word in line) for line in words]
     return dict(zip(KINDS, found, strict=True))
 
 
 def arguments(words):
     """Those of `judge` that the Makefile makes of a line's words."""
-    more = shlex.split(words["JUDGE"])
-    given = {name: value for name, value in words.items() if name != "JUDGE"}
+    more = shlex.split(words["OPTIONS"])
+    given = {name: value for name, value in words.items() if name != "OPTIONS"}
     return [*(f"--{name.lower()}={value}" for name, value in given.items()), *more]
 
 

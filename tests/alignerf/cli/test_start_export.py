@@ -65,7 +65,7 @@ def test_a_width_overrules_the_config(here, runs):
     [
         (
             "other",
-            "results/other.yaml does not exist, but my_photos does: run",
+            "results/other.yaml does not exist; there is my_photos: run",
         ),
         ("", "SCENE is missing: make export SCENE=my_photos"),
     ],

@@ -113,10 +113,37 @@ def test_every_photo_is_there_the_worst_first(render):
     assert len(set(test.values())) == len(test)
 
 
-def test_it_opens_with_the_worst_photo_that_has_a_before_and_an_after(render):
+def test_it_opens_with_the_photo_that_a_fix_sharpens_most(render):
     data = data_of(render())
     opening = {"left": "render", "right": "render after round 1"}
     assert data["opening"] == {"key": "test/03"} | opening
+
+
+def test_it_opens_with_a_photo_that_fits_into_the_page(render, monkeypatch):
+    fitted = pictures.fitted
+    monkeypatch.setattr(
+        pictures, "fitted", lambda every: {"test/01": fitted(every)["test/01"]}
+    )
+    assert data_of(render())["opening"]["key"] == "test/01"
+
+
+def test_of_rounds_that_gained_most_the_last_is_the_after(render, results, causes):
+    folders = [results / f"base/round1/{kind}/test" for kind in ("renders", "flow")]
+    path = results / "verdict.json"
+    told = json.loads(path.read_text())
+    told["tried"][1] |= {"method": "base", "db": 2.0}
+    path.write_text(json.dumps(told))
+    data = data_of(render(others={"aligned": folders}))
+    assert data["after"][0] == "render after round 1"
+
+
+def test_a_verdict_of_another_version_is_named(render, results, causes):
+    path = results / "verdict.json"
+    told = json.loads(path.read_text())
+    del told["causes"][0]["more_is_better"]
+    path.write_text(json.dumps(told))
+    with pytest.raises(ValueError, match=r"verdict\.json: of another version"):
+        render()
 
 
 def test_the_after_is_that_of_the_method_that_gained_most(render, results, causes):

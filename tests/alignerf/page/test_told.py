@@ -60,8 +60,24 @@ def test_bars_of_fixes_share_a_scale_with_a_zero():
     unclear = told.fixes([cases.fix("c", 0.1)])["rows"][0]
     assert (unclear["kind"], unclear["sign"]) == ("unclear", "\u2013")
     assert told.fixes([]) is None
+    # Where it may not be claimed, a gain is no harm; nor without an interval.
+    assert told.fixes([cases.fix("few", 1.2)])["rows"][0]["kind"] == "unclear"
+    (alone,) = told.fixes([cases.fix("a", 0.7) | {"low": None, "high": None}])["rows"]
+    assert (alone["kind"], alone["text_of"]) == ("unclear", ("+0.70", "unknown"))
     nothing = told.fixes([cases.fix("d", 0.0) | {"low": 0.0, "high": 0.0}])
     assert nothing["rows"][0]["width"] == 0
+
+
+def test_what_gains_are_against_is_said_once_or_in_each_row():
+    apart = [cases.fix("a", 1.0), cases.fix("b", 1.0) | {"test_set": "aligned_pose"}]
+    alone = told.fixes(apart[1:])
+    assert alone["against"] == "on held-out photos, by cameras moved to fit them"
+    both = told.fixes(apart)
+    assert both["against"] == ""
+    assert [row["notes"] for row in both["rows"]] == [
+        ["against ground truth"],
+        ["on held-out photos, by cameras moved to fit them"],
+    ]
 
 
 def test_a_command_stands_once(results, causes):

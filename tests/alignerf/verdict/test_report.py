@@ -156,7 +156,7 @@ def test_levels_of_what_is_not_named():
     unsure = of(WELL._replace(shift_px=0.11, shift_errors=1.0))["causes"]
     (one,) = [one for one in unsure if one["cause"] == "lens_shift"]
     assert (one["level"], one["value"]) == ("ok", 0.22)
-    assert "not confirmed" in one["text"]
+    assert "not significant" in one["text"]
 
 
 def test_crops_are_the_gauge_where_they_tell():
@@ -267,7 +267,7 @@ def test_photos_that_were_warped_in_vain_are_not_warped_again(gains, views, want
             {},
             9,
             True,
-            f"train with the cameras that aligned has corrected: `{EXPORT}`.",
+            f"train on the corrected cameras (aligned), which `{EXPORT}` writes.",
         ),
         ({"low": -0.1}, 9, False, "leave cameras and photos as they are"),
         ({"test_set": "standard"}, 9, False, "leave cameras and photos as they are"),
@@ -294,7 +294,7 @@ def test_given_poses_that_aligning_did_not_help_are_found_anew_alone():
     e = cases.with_faults("camera", poses_given=True)
     assert advised(e, [GAIN._replace(low=-0.1)]) == camera.ANEW
     assert advised(e, [GAIN]).startswith(
-        f"{camera.ANEW} Until then train with the cameras"
+        f"{camera.ANEW} Until then train on the corrected cameras"
     )
     command = 'make photos FOLDER=scan/images OPTIONS="--name scan_colmap"'
     e = e._replace(by_colmap=command)

@@ -57,7 +57,7 @@ def view(name, **changes):
 @pytest.mark.parametrize(
     ("changes", "what"),
     [
-        ({"flow_px": 3.0}, "shifted"),
+        ({"flow_px": 3.0}, "misaligned"),
         ({"sharpness_ratio": 0.3}, "blurred"),
         ({"exposure_ev": -0.5}, "darker"),
         ({"exposure_ev": 0.5}, "brighter"),
