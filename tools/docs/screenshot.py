@@ -1,7 +1,7 @@
 """Make the pictures of the demo's page: `python -m tools.docs.screenshot INDEX.html`.
 
-docs/pictures/page.jpg: the upper part of the page, which README shows;
-page_WIDTH_THEME.jpg: more of it, as wide as a screen, a tablet and a phone.
+docs/pictures/page_WIDTH_THEME.jpg: the upper part of the page, as wide as a screen, a
+tablet and a phone; page.jpg: the first of them, smaller, which README shows.
 docs/outputs/verdict.txt: the verdict as a run prints it, for `make docs` to quote.
 Needs chromium with its chromedriver.
 """
@@ -19,8 +19,8 @@ from selenium.webdriver.support.ui import WebDriverWait
 from alignerf.experiment import targets
 
 # The page's widths in px, and how many screens of it are shown.
-WIDTHS, THEMES, SCREENS = (1400, 800, 400), ("light", "dark"), 2.2
-SCREEN_PX, QUALITY = 900, 82
+WIDTHS, THEMES, SCREENS = (1400, 800, 400), ("light", "dark"), 2.0
+SCREEN_PX, README_PX, QUALITY = 900, 1000, 82
 SWITCHES = ("headless=new", "no-sandbox", "disable-gpu", "disable-dev-shm-usage")
 SWITCHES += ("hide-scrollbars", "force-color-profile=srgb")
 READY = "return document.querySelector('#slider').classList.contains('rendered')"
@@ -39,9 +39,8 @@ def main(argv=None):
                 image = taken(browser, args.page.resolve().as_uri(), width, theme)
                 image.save(pictures / f"page_{width}_{theme}.jpg", quality=QUALITY)
                 if (width, theme) == (WIDTHS[0], THEMES[0]):
-                    image.crop((0, 0, width, int(1.2 * SCREEN_PX))).save(
-                        pictures / "page.jpg", quality=QUALITY
-                    )
+                    image.thumbnail((README_PX, image.height))
+                    image.save(pictures / "page.jpg", quality=QUALITY)
     finally:
         browser.quit()
     folder = args.page.resolve().parent
