@@ -31,7 +31,7 @@ from alignerf.scenes.external import views
 # From OpenCV's axes to OpenGL's, and back.
 FLIP = np.diag([1.0, -1.0, -1.0, 1.0])
 NAME, MODES = "diagnosed", ("camera_to_world", "world_to_camera")
-# Causes that corrected cameras cure; one that they cure where matches have found it;
+# Causes that corrected cameras fix; one that they fix where matches have found it;
 # levels of causes that are named.
 POSES, LENS, NAMED = ("camera", "focal"), ("lens_shift",), ("faulty", "likely")
 # What exports from the folder that is no more.
@@ -290,8 +290,8 @@ def report_of(work: Path, paths: Mapping[str, Path], cores: int | None) -> Repor
         for one in found["causes"]
     ]
     accepted = (found["evidence"]["matches"] or {}).get("accepted")
-    cured = (*POSES, *LENS) if accepted else POSES
-    wrong = any(one.name in cured and one.level in NAMED for one in causes)
+    fixed = (*POSES, *LENS) if accepted else POSES
+    wrong = any(one.name in fixed and one.level in NAMED for one in causes)
     corrected = wrong and "cameras" in paths
     cameras = None
     if corrected:

@@ -129,7 +129,7 @@ class Evidence(NamedTuple):
 
 @dataclass(frozen=True, kw_only=True)
 class Cause:
-    """Something that can be wrong with a scene: how it is found, told and cured.
+    """Something that can be wrong with a scene: how it is found, told and fixed.
 
     name: in verdict.json. label, unit: of its gauge.
     value, limit: numbers of an Evidence, NaN where unknown; beyond its limit a cause is
@@ -150,7 +150,7 @@ class Cause:
     seen_by_points: what is only probable counts also where photos are too few.
     page: below docs/, what to do about it.
     order: its places, among gauges; among what is named, the gravest first; and among
-    what to do, first what a longer training, or work at the desk, cures.
+    what to do, first what a longer training, or work at the desk, fixes.
     """
 
     name: str

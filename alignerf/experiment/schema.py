@@ -24,7 +24,7 @@ def check(kind, values, *place):
 
 
 def message(errors, values, place):
-    """One line: the key, what is wrong with it and, of YAML's traps, how to mend it."""
+    """One line: the key, what is wrong with it and, of YAML's traps, how to fix it."""
     # A misspelt key before the one that it leaves out.
     error, *_ = sorted(errors, key=lambda one: one["type"] != "value_error")
     inner = place_of(error, values)

@@ -24,7 +24,7 @@ OF_POSES = ("poses_bounds.npy", "transforms_train.json", "transforms_test.json")
 
 def of_views(config, views):
     """Paths of the photos, masks and cameras that the views of a scene are read from;
-    config: its keys. Frames of films, which are taken anew, have none.
+    config: its keys. Frames of videos, which are taken anew, have none.
     """
     read = [*views.photos, *(views.masks or ())]
     found = [one.path for one in read if one.path]

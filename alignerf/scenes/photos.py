@@ -73,7 +73,7 @@ def find_images(folder, others=()):
     """{view: path} of the images in a folder, sorted by view: the file's stem.
 
     Where none lies in it, those of the folders below: there views whose stems collide
-    are named by folders, too. others: known files that are no images, such as films.
+    are named by folders, too. others: known files that are no images, such as videos.
     Raises ValueError for two files of one name, for a missing folder, and for one
     without images and others.
     """

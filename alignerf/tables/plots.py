@@ -89,7 +89,7 @@ def costs(table, path):
 def sizes(table, captures, path):
     """The figure of `tables.across.remedies` of captures at several photo sizes.
 
-    A column a capture: how far photos are off, and what each remedy gains, by their
+    A column a capture: how far photos are off, and what each fix gains, by their
     width. captures: of each, the names of its conditions. Gains are those of the budget
     that most rows have, the largest of several such.
     """
@@ -126,9 +126,9 @@ def draw_flow(axes, table):
 
 
 def draw_gains(axes, table, styles):
-    """A line a remedy, with intervals; the first of `styles` is plain training."""
+    """A line a fix, with intervals; the first of `styles` is plain training."""
     budget = budget_of(table)
-    # Some of the remedies move cameras.
+    # Some of the fixes move cameras.
     test_set = testsets.fairest(set(table["test_set"]), {"cameras"})
     chosen = table[(table["budget"] == budget) & (table["test_set"] == test_set)]
     for name, own in chosen.groupby("row", sort=False):

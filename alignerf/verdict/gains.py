@@ -1,6 +1,6 @@
-"""The gains of a run's remedies over its plain training, read from its tables.
+"""The gains of a run's fixes over its plain training, read from its tables.
 
-And what matches between photos say of the cameras that a remedy has corrected.
+And what matches between photos say of the cameras that a fix has corrected.
 """
 
 from pathlib import Path
@@ -20,7 +20,7 @@ COLUMNS += ("difference_db", "difference_low_db", "difference_high_db")
 
 
 def of_table(path, timings, judgements=()):
-    """The `Gain` of each remedy in a table over the baseline, the model without one.
+    """The `Gain` of each fix in a table over the baseline, the model without one.
 
     timings: {method: timing.json} of trainings with in-loop alignment. Scores are
     those against the oracle where it is known, else those on held-out photos; where

@@ -41,7 +41,7 @@ def of(e, findings, gains, views):
     gains: of `gains.of_table`; views: of `evidence.read_views`. state: `aligned`,
     `misaligned` or `unclear`. headline: one sentence. because: a sentence for each
     cause that is named. do_first: {text, command}, the command may be None. tried: of
-    each remedy of this run. measured: sentences. causes: of each cause that is looked
+    each fix of this run. measured: sentences. causes: of each cause that is looked
     for, also where it is fine, see `gauge`.
     """
     head = headline(e, findings)
@@ -124,7 +124,7 @@ def headline(e, findings):
 
 
 def advise(e, findings, gains=()):
-    """The remedy to try first; never one that this run has tried in vain."""
+    """The fix to try first; never one that this run has tried in vain."""
     if e.pairs.stops:
         return pairs.advice(e.pairs)
     if is_sparse(findings, surely=True) and not e.judged:

@@ -7,7 +7,7 @@ Trains methods of the config on each scene, two at a time with one thread each, 
 a line to the CSV for each test view; what is there is not trained again. Method `true`
 is plain training by true cameras. Tables of it: `tools.bench.in_loop_tables`. Pose
 errors are to the scene's truth. Where there is none, they are to the cameras as given;
-of NAME_off, whose poses were put off, to those of NAME, which lies beside it.
+of NAME_off, whose poses were perturbed, to those of NAME, which lies beside it.
 """
 
 import argparse

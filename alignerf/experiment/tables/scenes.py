@@ -158,7 +158,7 @@ def remedies(experiment):
     """
     trained = {name: experiment.methods[name] for name in experiment.trained()}
     if len({method["model"] for method in trained.values()}) > 1:
-        raise ValueError("config: methods: remedies need one model for all")
+        raise ValueError("config: methods: target remedies needs one model for all")
     for name, method in trained.items():
         if method["rounds"] == "auto":
             where = f"config: methods.{name}.rounds"
@@ -175,7 +175,7 @@ def remedies(experiment):
 
 
 def remedy_base(experiment):
-    """The name of the plain method that all remedies are compared with."""
+    """The name of the plain method that all fixes are compared with."""
     return experiment.baseline(experiment.trained()[0])
 
 

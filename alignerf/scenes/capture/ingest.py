@@ -1,4 +1,4 @@
-"""A folder of photos, films and masks, as COLMAP and the training want them.
+"""A folder of photos, videos and masks, as COLMAP and the training want them.
 
 COLMAP gets copies that are no larger than it looks at; the photos themselves are
 decoded again where they are needed, and never copied in full.
@@ -113,7 +113,7 @@ def ingest(
 ) -> Taken:
     """Read a folder, and decode every photo once to be sure that none is broken.
 
-    Films become frames, in <work_folder>/frames. background: as of `photos.decode`.
+    Videos become frames, in <work_folder>/frames. background: as of `photos.decode`.
     max_side_px: of the copies. masks: a folder of <photo's file name>.png, black where
     a photo does not count; a photo without one counts everywhere. Raises ValueError
     naming the file for what is broken.
@@ -131,7 +131,7 @@ def ingest(
         focals_px.append(focal_px)
         small = prepare.shrink(lay.apply(image), *copy_sizes[-1])
         images.write(copies / f"{name}.png", small)
-        # Frames of a film are by its camera, which may be cut otherwise than photos'.
+        # Frames of a video are by its camera, which may be cut otherwise than photos'.
         is_frame = path.parent.parent == work_folder
         camera = path.stem.rpartition("_")[0] if is_frame else photos.head(path).camera
         # Photos of several cameras lie in a folder each.
@@ -256,18 +256,18 @@ def write_copies_of_masks(taken, folder):
 
 def find(folder, work_folder):
     """{view: path} of all photos and frames, sorted; ValueError where there is none."""
-    films = video.find(folder)
-    alone = films == [Path(folder)]
-    found = {} if alone else photos.find_images(folder, others=films)
-    films = video.without_live_photos(films, found.values())
-    for film in films:
+    videos = video.find(folder)
+    alone = videos == [Path(folder)]
+    found = {} if alone else photos.find_images(folder, others=videos)
+    videos = video.without_live_photos(videos, found.values())
+    for one in videos:
         frames = work_folder / "frames"
         frames.mkdir(exist_ok=True)
-        for path in video.extract(film, frames):
+        for path in video.extract(one, frames):
             if path.stem in found:
                 raise ValueError(
                     f"{folder}: {faults.name_of(found[path.stem].name)} and a frame of "
-                    f"{film.name} have the same view name, {path.stem}"
+                    f"{one.name} have the same view name, {path.stem}"
                 )
             found[path.stem] = path
     kept = held_out.without_copies([found[name] for name in sorted(found)], folder)

@@ -1,4 +1,4 @@
-"""Frames of a film: sharp ones, far enough from one another and near enough.
+"""Frames of a video: sharp ones, far enough from one another and near enough.
 
 The path of the camera is measured in widths of the picture, by optical flow between
 frames that follow one another. It is cut into equal pieces, and of each the sharpest
@@ -21,7 +21,7 @@ from alignerf.scenes import photos, prepare, prepared
 
 log = logging.getLogger(__name__)
 
-# Of a film that is none we say so.
+# Of a video that is none we say so.
 cv2.utils.logging.setLogLevel(cv2.utils.logging.LOG_LEVEL_ERROR)
 
 SUFFIXES = frozenset([".mp4", ".mov", ".m4v", ".avi", ".mkv", ".webm"])
@@ -31,9 +31,9 @@ MIN_FRAMES, MAX_FRAMES = 20, 120
 # Measured at this width, and at no other heights: under 32 px OpenCV's flow ends the
 # process.
 SMALL_PX, MIN_SMALL_PX, MAX_SMALL_PX = 192, 32, 768
-# A film with fewer of its frames than this share is cut short.
+# A video with fewer of its frames than this share is cut short.
 TRUNCATED = 0.9
-# Frames that are looked at; of longer films evenly spaced ones.
+# Frames that are looked at; of longer videos evenly spaced ones.
 MAX_LOOKED_AT = 3000
 # Ten days at 120 a second: a head that says more is wrong.
 MAX_FRAMES_TOLD = 10**8
@@ -43,10 +43,10 @@ MATROSKA = b"\x1a\x45\xdf\xa3"
 
 
 def find(folder):
-    """Paths of the films in a folder, sorted; a film's own path is that alone."""
+    """Paths of the videos in a folder, sorted; a video's own path is that alone."""
     if not Path(folder).is_dir():
-        film = Path(folder).is_file() and Path(folder).suffix.lower() in SUFFIXES
-        return [Path(folder)] if film else []
+        video = Path(folder).is_file() and Path(folder).suffix.lower() in SUFFIXES
+        return [Path(folder)] if video else []
     return sorted(
         path
         for path in Path(folder).iterdir()
@@ -56,14 +56,14 @@ def find(folder):
     )
 
 
-def without_live_photos(films, paths):
-    """The films without live photos, the seconds around a photo of the same name."""
+def without_live_photos(videos, paths):
+    """The videos without live photos, the seconds around a photo of the same name."""
     stems = {path.stem for path in paths}
-    live = [film.name for film in films if film.stem in stems]
+    live = [video.name for video in videos if video.stem in stems]
     if live:
         named = faults.some_names(live)
         log.warning("left out %s: a photo of that name is there", named)
-    kept = [film for film in films if film.stem not in stems]
+    kept = [video for video in videos if video.stem not in stems]
     for first, second in itertools.pairwise(kept):
         if first.stem == second.stem:
             raise ValueError(f"{first} and {second.name} would give the same views")
@@ -71,9 +71,9 @@ def without_live_photos(films, paths):
 
 
 def extract(path, folder):
-    """Write a film's chosen frames to <folder>/<film>_<frame>.png; returns the paths.
+    """Write a video's chosen frames to <folder>/<video>_<frame>.png; returns the paths.
 
-    Raises ValueError naming the film where it cannot be decoded, or where its frames
+    Raises ValueError naming the video where it cannot be decoded, or where its frames
     are too small or too large.
     """
     told = check(path)
@@ -95,22 +95,22 @@ def extract(path, folder):
 
 
 def check(path):
-    """How many frames a film has by its head, 0 where that does not say.
+    """How many frames a video has by its head, 0 where that does not say.
 
-    Nothing is decoded. Raises ValueError naming the film for one that cannot be read,
+    Nothing is decoded. Raises ValueError naming the video for one that cannot be read,
     and for frames that no photo of a scene may be as small or as large as.
     """
-    with opened(path) as film:
+    with opened(path) as video:
         size = [
-            film.get(p) for p in (cv2.CAP_PROP_FRAME_WIDTH, cv2.CAP_PROP_FRAME_HEIGHT)
+            video.get(p) for p in (cv2.CAP_PROP_FRAME_WIDTH, cv2.CAP_PROP_FRAME_HEIGHT)
         ]
         check_size(path, *size)
-        told = film.get(cv2.CAP_PROP_FRAME_COUNT)
+        told = video.get(cv2.CAP_PROP_FRAME_COUNT)
     return int(told) if 0 < told < MAX_FRAMES_TOLD else 0
 
 
 def check_size(path, width, height):
-    """ValueError for a film's frames of such a size in px."""
+    """ValueError for a video's frames of such a size in px."""
     named = f"{path}: a video of {width:.0f}x{height:.0f} pixels"
     if min(width, height) < prepare.MIN_SIZE_PX:
         raise ValueError(f"{named}: no side may be under {prepare.MIN_SIZE_PX}")
@@ -120,7 +120,7 @@ def check_size(path, width, height):
 
 
 class Seen(NamedTuple):
-    """The frames of a film that were looked at."""
+    """The frames of a video that were looked at."""
 
     numbers: list[int]
     sharpness: Float[np.ndarray, " n"]
@@ -131,21 +131,21 @@ class Seen(NamedTuple):
 
 
 def measure(path, told) -> Seen:
-    """Look at frames; told: how many there are, 0 where the film does not say.
+    """Look at frames; told: how many there are, 0 where the video does not say.
 
-    A film that has many more or fewer than it says is looked at twice.
+    A video that has many more or fewer than it says is looked at twice.
     """
     flow_of = cv2.DISOpticalFlow.create(cv2.DISOPTICAL_FLOW_PRESET_ULTRAFAST)
     numbers, sharpness, steps, before, count = [], [], [], None, 0
     every = stride(told)
-    for number, frame in frames(path, "film", told, lambda n: n % every == 0):
+    for number, frame in frames(path, "video", told, lambda n: n % every == 0):
         count = number + 1
         if frame is None:
             continue
         if len(numbers) == 2 * MAX_LOOKED_AT:
             return measure(path, count_frames(path))
         grey = cv2.cvtColor(frame, cv2.COLOR_BGR2GRAY)
-        # Frames of one film may differ in size.
+        # Frames of one video may differ in size.
         small = cv2.resize(
             grey,
             small_size(grey if before is None else before),
@@ -202,7 +202,7 @@ def choose(sharpness, steps):
 
 
 def count_frames(path):
-    """The number of frames that a film holds, whatever it says."""
+    """The number of frames that a video holds, whatever it says."""
     return sum(1 for _ in frames(path, "counting", 0, lambda number: False))
 
 
@@ -211,15 +211,15 @@ def frames(path, doing, total, is_wanted):
 
     total: how many there may be, 0 where that is unknown. is_wanted: of a number.
     """
-    # Of a film that does not tell, time alone lets a line be shown.
+    # Of a video that does not tell, time alone lets a line be shown.
     bar = progress.Progress(f"{doing} {path.name}", total or 10**9, unit="frame")
-    with opened(path) as film:
+    with opened(path) as video:
         for number in itertools.count():
-            if not film.grab():
+            if not video.grab():
                 break
             frame = None
             if is_wanted(number):
-                there, frame = film.retrieve()
+                there, frame = video.retrieve()
                 if not there:
                     break
                 check_size(path, *frame.shape[1::-1])
@@ -230,18 +230,18 @@ def frames(path, doing, total, is_wanted):
 
 @contextlib.contextmanager
 def opened(path):
-    """OpenCV's reader of a film; ValueError naming it where it is none."""
+    """OpenCV's reader of a video; ValueError naming it where it is none."""
     with faults.opened(path) as file:
         head = file.read(12)
     # FFmpeg would follow what a list of other files names, which may be anywhere.
     is_known = head[4:8] in OF_QUICKTIME or head[:4] in (b"RIFF", MATROSKA)
-    # FFmpeg asks for its level at the first film; an import changes no variable.
+    # FFmpeg asks for its level at the first video; an import changes no variable.
     os.environ.setdefault("OPENCV_FFMPEG_LOGLEVEL", "-8")
     # Another reader takes a % in a name for the numbers of many files.
-    film = cv2.VideoCapture()
+    video = cv2.VideoCapture()
     try:
-        if not (is_known and film.open(os.path.abspath(path), cv2.CAP_FFMPEG)):
+        if not (is_known and video.open(os.path.abspath(path), cv2.CAP_FFMPEG)):
             raise ValueError(f"cannot decode {path}: no video that OpenCV can read")
-        yield film
+        yield video
     finally:
-        film.release()
+        video.release()

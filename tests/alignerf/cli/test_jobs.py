@@ -12,7 +12,7 @@ from alignerf.io import progress
         ("train", {"training": "plain/round0"}, "plain: training"),
         ("render", {"training": "warped/round2"}, "warped, round 2: renders"),
         ("train", {"training": "pretrain/base"}, "pretrain base: training"),
-        ("decide", {"method": "m", "round": "1"}, "m, round 1: whether another "),
+        ("decide", {"method": "m", "round": "1"}, "m, round 1: decision on another "),
         ("evaluate", {"training": "a/round0", "moved": ""}, "a: scores"),
         (
             "evaluate",
@@ -22,7 +22,7 @@ from alignerf.io import progress
         (
             "decompose",
             {"training": "a/round0", "photos": "_photos", "split": "train"},
-            "a: what the shift is made of, train photos",
+            "a: parts of the flow, train photos",
         ),
         (
             "export_folder",
