@@ -94,7 +94,7 @@ class JudgedCapture(posed.Posed):
         return keys_of(scene).get("before")
 
     def paths(self, scene):
-        read = {f"judged.{key}": keys_of(scene).get(key) for key in PATHS}
+        read = {f"external_renders.{key}": keys_of(scene).get(key) for key in PATHS}
         return super().paths(scene) | read
 
     def faults(self, scene):

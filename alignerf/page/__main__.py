@@ -62,10 +62,13 @@ def render(folder, *, rounds, base, others=None, crops=NOTHING, moved=NOTHING[:2
     folder, base = Path(folder), Path(base)
     scene, verdict = faults.resolved(folder).name, told.read(folder)
     facts, export = contents.facts(folder), provenance.export_command()
-    if verdict["evidence"]["pairs"]["stops"]:
+    seen = verdict["evidence"]
+    judged = seen.get("judged")
+    alone = judged and (judged["cameras"] == "none" or not seen["train_views"])
+    if seen["pairs"]["stops"] or alone:
         # What is taken from pairs that are none helps nobody.
         export = None
-    limit_px = pictures.limit_of(verdict["evidence"])
+    limit_px = pictures.limit_of(seen)
     decisions, taken = contents.decisions(folder)
     is_checkout = provenance.PIPELINE == provenance.ROOT
     return template().render(
@@ -84,11 +87,11 @@ def render(folder, *, rounds, base, others=None, crops=NOTHING, moved=NOTHING[:2
         costs=contents.costs(folder),
         downloads=contents.downloads(folder),
         export_command=export,
-        **seen(folder, rounds, others or {}, base, limit_px, verdict, crops, moved),
+        **shown(folder, rounds, others or {}, base, limit_px, verdict, crops, moved),
     )
 
 
-def seen(folder, rounds, others, base, limit_px, verdict, crops, moved):
+def shown(folder, rounds, others, base, limit_px, verdict, crops, moved):
     """What the page shows of the photos, and what its scripts read."""
     photo_px, turns = photos.scale(folder), contents.quarter_turns(folder)
     every = photos.shown(folder, rounds, others, base, limit_px)

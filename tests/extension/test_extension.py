@@ -127,19 +127,19 @@ def test_an_estimator_is_what_flows_come_from(scene):
     [
         (
             {"plain": {"goes_on": {}}},
-            "config: methods.plain: it sets itself against a plain method",
+            "toys.yaml: methods.plain: it sets itself against a plain method",
         ),
         (
             {"twice": {"goes_on": {}, "align": {}}},
-            "config: methods.twice.align: not beside goes_on",
+            "toys.yaml: methods.twice.align: not beside goes_on",
         ),
         (
             {"twice": {"goes_on": {}, "rounds": 1}},
-            "config: methods.twice.rounds: not beside goes_on",
+            "toys.yaml: methods.twice.rounds: not beside goes_on",
         ),
         (
             {"twice": {"goes_on": {"share": 2}}},
-            "config: methods.twice.goes_on.share: 2",
+            "toys.yaml: methods.twice.goes_on.share: 2",
         ),
     ],
 )
@@ -161,4 +161,4 @@ def test_without_the_package_nothing_of_it_is_known(tmp_path, snakemake):
     options = ("-n", "--cores", "1", "--configfile", tmp_path / "toys.yaml")
     code, output = snakemake(tmp_path, *options)
     assert code != 0
-    assert "config: " in output.strip().splitlines()[-1]
+    assert "error: toys.yaml: " in output.strip().splitlines()[-1]

@@ -121,12 +121,12 @@ def in_float64(render, photo):
 def shares(options):
     """Rows: per cent of a fine-tuning step, by config and for the published model."""
     if options.quick:
-        yield share("tiny", cases.TINY, settings_of("demo") | QUICK_SETTINGS, 1)
+        yield share("tiny", cases.TINY, settings_of("table1") | QUICK_SETTINGS, 1)
         return
-    model = read_config("demo")["models"]["base"]
-    yield share("demo", model, settings_of("demo"), options.repeats)
+    model = read_config("table1")["models"]["base"]
+    yield share("table1", model, settings_of("table1"), options.repeats)
     # One patch of the 32: all grows with their number, and a step takes long.
-    paper = settings_of("demo") | {"patches": 1, "features": 128}
+    paper = settings_of("table1") | {"patches": 1, "features": 128}
     yield share("published, 1 patch", cases.PUBLISHED, paper, 3)
 
 

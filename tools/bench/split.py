@@ -1,6 +1,6 @@
 """Is the split of the misalignment right, with trained renders and estimated flow?
 
-Courtyard with pose errors only, motion only, and both: train the demo's base model,
+Courtyard with pose errors only, motion only, and both: train Table 1's smaller model,
 render the test views with their depth, estimate the flow, decompose it, and compare
 with the true parts. Mean lengths over the test views' pixels where the true and the
 estimated flow are valid; a part is off by its error relative to its true length, or
@@ -37,7 +37,7 @@ FLOWS = {"flow": "images", "flow_oracle": "images/truth/oracle"}
 
 def run(options):
     """Four rows for each case: both parts, as they are and less the model's part."""
-    demo = yaml.safe_load((ROOT / "workflow/config/demo.yaml").read_text())
+    demo = yaml.safe_load((ROOT / "workflow/config/table1.yaml").read_text())
     chosen = CASES
     if options.quick:
         chosen = {"both": CASES["both"]}
@@ -55,8 +55,8 @@ def run(options):
 
 
 def scene_of(demo, case, *, quick):
-    """The demo's scene with the case's misalignment and otherwise true poses."""
-    scene = demo["scenes"]["courtyard"] | {"poses": "truth"}
+    """Table 1's scene with the case's misalignment and otherwise true poses."""
+    scene = demo["scenes"]["table1"] | {"poses": "truth"}
     scene["perturb_px"] = case["perturb_px"]
     scene["courtyard"] = scene["courtyard"] | {"motion": case["motion"]}
     if quick:

@@ -104,7 +104,7 @@ def attack(render, damages):
             render()
         except (ValueError, OSError) as error:
             # A view of another name has no picture.
-            if path.name not in str(error) and "images/" not in str(error):
+            if not any(n in str(error) for n in (path.name, "images/", "renders/")):
                 found.append(f"{path.name} {what}: {error}")
         except Exception as error:
             found.append(f"{path.name} {what}: {error!r:.200}")

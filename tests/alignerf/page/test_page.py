@@ -263,6 +263,13 @@ def test_renders_that_are_judged_have_no_before_and_no_tables(results):
     assert "Photo | Render" in text
     assert "Before | After" not in text
     assert "before any fix" not in json.dumps(data)
+    assert EXPORT in text
+    # Without cameras there is nothing to export.
+    path = results / "verdict.json"
+    told = json.loads(path.read_text())
+    told["evidence"]["judged"] = {"cameras": "none"}
+    path.write_text(json.dumps(told))
+    assert EXPORT not in page.render(results, rounds=[], base=results / "base/round0")
     assert "undistorted to the largest image" in text
 
 
