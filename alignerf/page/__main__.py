@@ -94,7 +94,9 @@ def render(folder, *, rounds, base, others=None, crops=NOTHING, moved=NOTHING[:2
 def shown(folder, rounds, others, base, limit_px, verdict, crops, moved):
     """What the page shows of the photos, and what its scripts read."""
     photo_px, turns = photos.scale(folder), contents.quarter_turns(folder)
-    every = photos.shown(folder, rounds, others, base, limit_px)
+    judged = verdict["evidence"].get("judged")
+    whose = "your model" if judged else None
+    every = photos.shown(folder, rounds, others, base, limit_px, whose)
     entries = photos.entries(every, limit_px, photo_px)
     after = photos.afters(every, verdict["tried"], base.parent.name)
     images = pictures.fitted(every)
@@ -117,7 +119,7 @@ def shown(folder, rounds, others, base, limit_px, verdict, crops, moved):
         "some": photos.SOME,
         "full_px": photos.FULL_PX,
         "moved_by": moved[0],
-        "size_of": "renders" if verdict["evidence"].get("judged") else "training size",
+        "size_of": "renders" if judged else "training size",
         "data": data,
     }
 

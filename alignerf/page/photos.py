@@ -177,13 +177,14 @@ def captions(shown: Shown, photo_px):
     return {name: said[name] for name in shown.layers}
 
 
-def shown(folder, rounds, others, base, limit_px):
+def shown(folder, rounds, others, base, limit_px, whose=None):
     """`Shown` of each photo that has a render, the worst first.
 
     rounds, others, base: as of `page.render`. limit_px: under which colours fade.
+    whose: what the reference is called; None: by its name.
     """
     turns = contents.quarter_turns(folder)
-    sources = sources_of(folder, rounds, others, base)
+    sources = sources_of(folder, rounds, others, base, whose)
     return [
         of_view(
             row, sources[row.split], folder / "images", limit_px, turns.get(row.view, 0)
@@ -210,9 +211,10 @@ def scored(folder, splits):
     ]
 
 
-def sources_of(folder, rounds, others, base):
+def sources_of(folder, rounds, others, base, whose=None):
     """{split: `Source`} of the splits whose views were rendered."""
-    method, truth = base.parent.name, folder / "images" / "truth" / "oracle"
+    truth = folder / "images" / "truth" / "oracle"
+    method = whose or base.parent.name
     found = {}
     if rounds:
         found["test"] = Source(

@@ -269,7 +269,9 @@ def test_renders_that_are_judged_have_no_before_and_no_tables(results):
     told = json.loads(path.read_text())
     told["evidence"]["judged"] = {"cameras": "none"}
     path.write_text(json.dumps(told))
-    assert EXPORT not in page.render(results, rounds=[], base=results / "base/round0")
+    text = page.render(results, rounds=[], base=results / "base/round0")
+    assert EXPORT not in text
+    assert "render by your model" in data_of(text)["photos"][0]["captions"]["render"]
     assert "undistorted to the largest image" in text
 
 
