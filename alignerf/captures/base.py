@@ -162,7 +162,7 @@ def section(scene, key):
 def reads(scene):
     """{key: path or None} of all that a scene reads."""
     record = of(scene)
-    return record.paths(scene) | {"judged.before": record.before(scene)}
+    return record.paths(scene) | {"external_renders.before": record.before(scene)}
 
 
 def detected(folder):

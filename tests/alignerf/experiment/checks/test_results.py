@@ -90,9 +90,15 @@ INSIDE = {
 KEYS = {
     "path": lambda c, p: c["scenes"]["yard"].update(path=p),
     "masks": lambda c, p: c["scenes"]["yard"].update(masks=p),
-    "judged.renders": lambda c, p: c["scenes"]["yard"].update(judged(renders=p)),
-    "judged.cameras": lambda c, p: c["scenes"]["yard"].update(judged(cameras=p)),
-    "judged.before": lambda c, p: c["scenes"]["yard"].update(judged(before=p)),
+    "external_renders.renders": lambda c, p: c["scenes"]["yard"].update(
+        judged(renders=p)
+    ),
+    "external_renders.cameras": lambda c, p: c["scenes"]["yard"].update(
+        judged(cameras=p)
+    ),
+    "external_renders.before": lambda c, p: c["scenes"]["yard"].update(
+        judged(before=p)
+    ),
     "methods.base.renders": lambda c, p: c["methods"]["base"].update(renders=p),
     "external.depth": lambda c, p: c["methods"]["base"].update(external={"depth": p}),
     "flow.folder": lambda c, p: c["flow"].update(folder=f"{p}/{{split}}"),
