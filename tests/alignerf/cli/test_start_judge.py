@@ -224,7 +224,9 @@ def test_a_config_cannot_compare_a_verdict_with_itself(here, runs):
     judge.main(options(name="mine"))
     config = yaml.safe_load((here / "results/mine.yaml").read_text())
     config["scenes"]["mine"]["external_renders"]["before"] = "results/mine/verdict.json"
-    with pytest.raises(ValueError, match=r"judged\.before: .* lies in results/mine, "):
+    with pytest.raises(
+        ValueError, match=r"external_renders\.before: .* lies in results/mine, "
+    ):
         check.checked(config)
 
 
