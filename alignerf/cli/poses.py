@@ -79,13 +79,13 @@ def write_adjusted(name, place, config, args):
         owned.put(place)
         with atomic.replace_folder(place / NAME) as folder:
             as_it_came = (None, mistakes.NONE)
-            if checked.found or config["pose_convention"] not in as_it_came:
+            alone = not checked.found and config["pose_convention"] in as_it_came
+            if not alone:
                 photos_too = not args.no_photos
                 write(folder, scratch, views, checked, config, photos_too=photos_too)
             report = checked.report | {"of": str(config["path"])}
             (folder / "report.json").write_text(json.dumps(report, indent=1) + "\n")
-        alone = "" if checked.report["adjustment"]["accepted"] else ", the report alone"
-        print(f"{name}: {place / NAME}{alone}", flush=True)
+        print(f"{name}: {place / NAME}" + ", the report alone" * alone, flush=True)
 
 
 def summary(report):

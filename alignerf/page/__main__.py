@@ -16,7 +16,8 @@ from alignerf.io import atomic, faults, provenance
 from alignerf.page import contents, photos, pictures, rig, told
 
 HERE = Path(__file__).resolve().parent
-DOCS = provenance.ROOT / "docs"
+# Where a page may lead to: beside the sources, not of another package.
+DOCS = provenance.ROOT / "docs" if provenance.PIPELINE == provenance.ROOT else None
 
 
 OPTIONS = {
@@ -70,7 +71,6 @@ def render(folder, *, rounds, base, others=None, crops=NOTHING, moved=NOTHING[:2
         export = None
     limit_px = pictures.limit_of(seen)
     decisions, taken = contents.decisions(folder)
-    is_checkout = provenance.PIPELINE == provenance.ROOT
     return template().render(
         scene=scene,
         verdict=verdict,
@@ -80,7 +80,7 @@ def render(folder, *, rounds, base, others=None, crops=NOTHING, moved=NOTHING[:2
         mark=told.MARK,
         tables=contents.tables(folder, photos.scale(folder)),
         origin=contents.origin(folder, export),
-        docs=quote(os.path.relpath(DOCS, folder)) if is_checkout else None,
+        docs=DOCS and quote(os.path.relpath(DOCS, folder)),
         figures=figures(folder),
         decisions=decisions,
         decisions_taken=taken,
@@ -95,7 +95,7 @@ def shown(folder, rounds, others, base, limit_px, verdict, crops, moved):
     """What the page shows of the photos, and what its scripts read."""
     photo_px, turns = photos.scale(folder), contents.quarter_turns(folder)
     judged = verdict["evidence"].get("judged")
-    whose = "your model" if judged else None
+    whose = judged and "your model"
     every = photos.shown(folder, rounds, others, base, limit_px, whose)
     entries = photos.entries(every, limit_px, photo_px)
     after = photos.afters(every, verdict["tried"], base.parent.name)

@@ -79,8 +79,7 @@ def tables(folder, photo_px=1.0):
             told, table = columns.TABLES[name], csv_files.read(path)
             if lacking := ends_lacking(table, told.columns):
                 raise ValueError(f"{path}: no column {lacking}")
-            lengths = [key for key in told.columns if key.endswith("_px")]
-            lengths = table.columns.intersection(lengths)
+            lengths = [k for k in told.columns if k.endswith("_px") and k in table]
             table[lengths] = photo_px * table[lengths]
             note = told.note.replace("the training size", "the photo")
             section = {"name": name, "heading": told.title, "note": note}
@@ -144,11 +143,14 @@ def origin(folder, export):
         first = faults.text(config).partition("\n")[0]
         if written := re.fullmatch(r"# Written by `(.+)` for (.+)", first):
             said = {"command": written[1], "input": Path(written[2]).name}
-    elif (export or "").startswith("snakemake"):
+    elif export and export.startswith("snakemake"):
         said = {"command": export.replace(" export", "", 1)}
+    elif export:
+        # Without a config of its own it is the demo, see `targets.export_command`.
+        said = {"command": provenance.typed("make run", "why-blurry demo")}
     made = datetime.fromtimestamp((folder / "verdict.json").stat().st_mtime, UTC)
-    on = {"why-blurry": provenance.VERSION, "on": f"{made:%Y-%m-%d %H:%M} UTC"}
-    return [*on.items(), ("scene", scene), *said.items()]
+    said = {"on": f"{made:%Y-%m-%d %H:%M} UTC", "scene": scene} | said
+    return [("why-blurry", provenance.VERSION), *said.items()]
 
 
 def quarter_turns(folder):

@@ -94,15 +94,15 @@ def fixes(tried):
     for one in tried:
         kind = "ok" if one["pays"] else "faulty" if one["high"] < 0 else "unclear"
         apart = [testsets.against(one["test_set"])] * (len(against) > 1)
-        bar = at(min(one["db"], 0)), at(max(one["db"], 0))
+        start, end = at(min(one["db"], 0)), at(max(one["db"], 0))
         rows.append(
             one
             | {
                 "kind": kind,
                 "sign": KINDS[kind],
                 "notes": [*apart, *one["notes"]],
-                "start": bar[0],
-                "width": bar[1] - bar[0],
+                "start": start,
+                "width": end - start,
                 "text_of": spoken(one),
                 "low_at": at(one["low"]),
                 "span": at(one["high"]) - at(one["low"]),
@@ -114,8 +114,8 @@ def fixes(tried):
 
 def ends_of(one):
     """The ends of a gain's interval; without one, the gain itself."""
-    ends = {end: one[end] for end in ("low", "high")}
-    return {end: one["db"] if db is None else db for end, db in ends.items()}
+    known = {end: one[end] for end in ("low", "high") if one[end] is not None}
+    return {"low": one["db"], "high": one["db"]} | known
 
 
 def spoken(one):

@@ -116,7 +116,9 @@ def test_wrong_poses_are_adjusted_and_written_in_every_format(
 
 def test_right_poses_stay(scan, photographed, tmp_path, capsys):
     poses.main([str(scan(photographed[1]["camtoworlds"]))])
-    assert "cameras stay as they came" in capsys.readouterr().out
+    said = capsys.readouterr().out
+    assert "cameras stay as they came" in said
+    assert said.rstrip().endswith("adjusted, the report alone")
     (out,) = tmp_path.glob("results/*/adjusted")
     assert [path.name for path in out.glob("[!.]*")] == ["report.json"]
 
@@ -131,6 +133,7 @@ def test_a_mistake_of_the_file_is_named_and_undone_on_demand(
     assert "--pose-convention opencv" in said
     assert not list(tmp_path.glob("results/*"))
     poses.main([str(folder), "--pose-convention", "opencv"])
+    assert "the report alone" not in capsys.readouterr().out
     assert list(tmp_path.glob("results/*/adjusted/transforms.json"))
 
 

@@ -68,6 +68,30 @@ def test_the_verdict_stands_first_then_what_to_do_then_the_pictures(render):
     assert alignerf.__version__ in text[text.index("<footer>") :]
 
 
+@pytest.mark.parametrize(
+    ("export", "first", "said"),
+    [
+        ("make export SCENE=x", None, "command <code>make run</code>"),
+        ("snakemake --cores 2 export --configfile a", None, "--cores 2 --configfile a"),
+        (
+            "make export SCENE=x",
+            "# Written by `make photos` for /home/me/secret/mine",
+            "command <code>make photos</code></span>\n<span>input <code>mine</code>",
+        ),
+    ],
+)
+def test_the_foot_says_what_made_the_page(
+    render, results, monkeypatch, export, first, said
+):
+    monkeypatch.setenv(provenance.EXPORT, export)
+    if first:
+        (results.parent / f"{results.name}.yaml").write_text(f"{first}\n")
+    text = render()
+    foot = text[text.index("<footer>") : text.index("</footer>")]
+    assert said in foot
+    assert "secret" not in foot
+
+
 def test_a_new_verdict_has_a_command_what_was_tried_and_gauges(render, causes):
     text = render()
     assert "<h1>Misaligned by 2.3 px: poses are off.</h1>" in text
