@@ -132,13 +132,11 @@ def train(job, args):
 def check_inputs(job, loaded: prepared.Scene, chosen, photos):
     """ValueError naming a photo that cannot be learnt from, by its head."""
     smallest = min(loaded.width, loaded.height)
-    if job.stage == "finetune":
-        side_px = job.alignerf.patch_px * job.alignerf.dilation
-        if side_px > smallest:
-            raise ValueError(
-                f"config.alignerf.patch_px: {side_px} px with dilation do not fit "
-                f"photos of {loaded.width}x{loaded.height}"
-            )
+    if job.stage == "finetune" and job.alignerf.patch_px > smallest:
+        raise ValueError(
+            f"config.alignerf.patch_px: {job.alignerf.patch_px} px do not fit "
+            f"photos of {loaded.width}x{loaded.height}"
+        )
     prepared.check_images(loaded, chosen, photos)
 
 

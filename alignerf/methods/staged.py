@@ -3,19 +3,13 @@
 Methods of a model share the pre-training. Between the stages cameras may be corrected.
 """
 
-import json
 from typing import ClassVar, Literal
-
-import pydantic
 
 from alignerf import methods
 from alignerf.experiment import jobs, schema, trainings
 from alignerf.experiment.checks.common import fault
 from alignerf.experiment.keys.key import Keys, key, learning_rates
 from alignerf.methods import base
-
-# What needs rays that are neighbours is left out of dilated patches.
-DENSE = {"convolution": False, "frequency_weight": 0}
 
 
 class AligNeRF(Keys):
@@ -30,13 +24,6 @@ class AligNeRF(Keys):
     learning_rates: list[float] = learning_rates(0.003, 0.0003)
     patches: int = key(4, "patches a step", least=1, most=4096)
     patch_px: int = key(16, "side of a patch, in rays", least=8, most=512)
-    dilation: int = key(
-        1,
-        "1: a patch's rays are neighbors, as in the paper; else each is drawn from a "
-        "cell of so many pixels a side, without convolution and frequency loss",
-        least=1,
-        most=64,
-    )
     convolution: bool = key(
         True, "contribution 1, patch convolution; false shows the model's colours"
     )
@@ -66,15 +53,6 @@ class AligNeRF(Keys):
         least=0,
         most=1e6,
     )
-
-    @pydantic.model_validator(mode="after")
-    def check_together(self):
-        if self.dilation > 1:
-            for name, value in DENSE.items():
-                if getattr(self, name) != value:
-                    said = f"{name}: dilation above 1 needs {json.dumps(value)}"
-                    raise ValueError(said)
-        return self
 
 
 class Finetuning(AligNeRF):
@@ -210,8 +188,6 @@ class Staged(base.Method):
             parts.append(f"{settings['features']} features")
         if settings["radius_px"] != 0:
             parts.append("aligned")
-        if settings["dilation"] > 1:
-            parts.append("dilated")
         if settings["error"] != "squared":
             parts.append(settings["error"])
         if settings["frequency_weight"] > 0:

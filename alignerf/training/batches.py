@@ -33,26 +33,23 @@ class RayBatch(NamedTuple):
     jitter: Any  # [n, rounds] of the samples, in [0, 1)
     photo: Any  # [n, 3]
     weight: Any  # [n]
+    x: Any  # [n], the pixel's column
+    y: Any  # [n], its row
 
 
 class Patches(NamedTuple):
     """What the patches of a step are like.
 
-    side_px: p rays along each side. radius_px: of the search around them. dilation: 1
-    for neighbours; else each ray is drawn from a cell of so many pixels a side.
+    side_px: p rays along each side. radius_px: of the search around them.
     """
 
     count: int
     side_px: int
     radius_px: int
-    dilation: int = 1
 
 
 class PatchBatch(NamedTuple):
-    """Square patches of p x p rays in the middle of q x q pixels of a photo.
-
-    Of dilated patches, the s x s pixels around each ray, [n, p, p, s, s, 3].
-    """
+    """Square patches of p x p rays in the middle of q x q pixels of a photo."""
 
     view: Any  # [n]
     rays: Any  # cameras.Rays [n, p p]
@@ -133,6 +130,8 @@ def draw_rays(key, step, views: Views, count, rounds) -> RayBatch:
         jitter=jax.random.uniform(key_jitter, (count, rounds)),
         photo=views.photos[view, y, x].astype(jnp.float32) / 255.0,
         weight=weight / jnp.maximum(jnp.mean(weight), 1e-6),
+        x=x,
+        y=y,
     )
 
 
@@ -167,33 +166,24 @@ def scrambled(x):
 def draw_patches(key, step, views: Views, patches: Patches, rounds) -> PatchBatch:
     """Patches drawn uniformly from all views."""
     n, h, w, _ = views.photos.shape
-    count, size, radius, dilation = patches
+    count, size, radius = patches
     key_view, key_y, key_x, key_jitter = jax.random.split(
         jax.random.fold_in(key, step), 4
     )
     view = jax.random.randint(key_view, (count,), 0, n)
-    window = size * dilation
-    top = jax.random.randint(key_y, (count,), 0, h - window + 1)
-    left = jax.random.randint(key_x, (count,), 0, w - window + 1)
-    inner, outer = dilation * jnp.arange(size), jnp.arange(-radius, size + radius)
+    top = jax.random.randint(key_y, (count,), 0, h - size + 1)
+    left = jax.random.randint(key_x, (count,), 0, w - size + 1)
+    inner, outer = jnp.arange(size), jnp.arange(-radius, size + radius)
     y = top[:, None, None] + inner[None, :, None]
     x = left[:, None, None] + inner[None, None, :]
     y, x = jnp.broadcast_arrays(y, x)
-    if dilation == 1:
-        rows = top[:, None, None] + outer[None, :, None]
-        columns = left[:, None, None] + outer[None, None, :]
-    else:
-        key_y, key_x = (jax.random.fold_in(key, 1) for key in (key_y, key_x))
-        y = y + jax.random.randint(key_y, y.shape, 0, dilation)
-        x = x + jax.random.randint(key_x, x.shape, 0, dilation)
-        moves = jnp.expand_dims(jnp.arange(-radius, radius + 1), (0, 1, 2, 3))
-        rows = y[..., None, None] + jnp.swapaxes(moves, 3, 4)
-        columns = x[..., None, None] + moves
+    rows = top[:, None, None] + outer[None, :, None]
+    columns = left[:, None, None] + outer[None, None, :]
     camera = views.pixtocams[view][:, None], views.camtoworlds[view][:, None]
     rays = cameras.pixels_to_rays(x.reshape(count, -1), y.reshape(count, -1), *camera)
     exists = (rows >= 0) & (rows < h) & (columns >= 0) & (columns < w)
     rows, columns = jnp.clip(rows, 0, h - 1), jnp.clip(columns, 0, w - 1)
-    where = (view.reshape(count, *[1] * (rows.ndim - 1)), rows, columns)
+    where = (view[:, None, None], rows, columns)
     exists = exists * is_valid(views, *where)
     return PatchBatch(
         view=view,

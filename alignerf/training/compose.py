@@ -16,18 +16,21 @@ def make_method(
     """The method of a job: baseline, or AligNeRF in its fine-tuning stage.
 
     loaded: the scene, whose cameras may be learnt. to_train: False leaves out the
-    weights file, which only the loss needs. learning: whether cameras are learnt now.
+    weights file, which only the loss needs. learning: whether what the method learns
+    besides, as cameras, is learnt now.
     """
     method = without_cameras(job, to_train=to_train, learning=learning)
     return base.part_of(job).wrapped(method, loaded, learning)
 
 
 def without_cameras(job: jobs.Job, *, to_train, learning=False) -> methods.Method:
-    """The method by cameras as they are; learning: rays are differentiated."""
+    """The method by cameras as they are; learning: see `make_method`."""
     training, fine = job.training, job.stage == "finetune"
     options = {"outputs": job.alignerf.outputs} if fine else {}
     options |= {"native": calls.use(training.kernels)}
-    model, loss = job.model.made(rays, moving=learning, **options)
+    model, loss = job.model.made(
+        rays, moving=learning and job.learns is not None, **options
+    )
     if not isinstance(model, mipnerf360.Model):
         return methods.single_rays(model, loss, batch_rays=training.batch_rays)
     has_none = "distortion_weight" in job.model.has_no
@@ -51,7 +54,6 @@ def without_cameras(job: jobs.Job, *, to_train, learning=False) -> methods.Metho
         model,
         patches=chosen.patches,
         patch_px=chosen.patch_px,
-        dilation=chosen.dilation,
         convolution=chosen.convolution,
         loss=make_loss(chosen, to_train=to_train),
         **shared,

@@ -72,7 +72,7 @@ def begin(
     consensus.check_same(data[0], "photos, cameras and initial parameters")
     job, built, facts = in_budget(job, method, built, params, views, checkpoints, data)
     identity = checkpoint.fingerprint(jobs.as_dict(job), *data)
-    facts |= describe(job, params)
+    facts |= describe(job, method, params)
     aligner.begin(job.steps, identity)
     fresh = Resumed(program.fresh_state(built.optimizer, params), 0.0, None, {})
     done = resume(checkpoints, fresh, identity, job.steps, aligner)
@@ -183,13 +183,16 @@ def resume(checkpoints, fresh: Resumed, identity, steps, aligner) -> Resumed:
     return Resumed(state, *(manifest[key] for key in ("time_s", "parts", "final")))
 
 
-def describe(job, params):
+def describe(job, method, params):
     """The facts of a training for tables, besides its times; the log shows some."""
+    # Without what a method gathers: it renders nothing.
+    gathered = dict(method.gathered)
+    networks = {name: tree for name, tree in params.items() if name not in gathered}
     facts = {
         "stage": job.stage,
         "steps": job.steps,
         "rays_seen": job.steps * job.rays_per_step,
-        "params": sum(leaf.size for leaf in jax.tree.leaves(params)),
+        "params": sum(leaf.size for leaf in jax.tree.leaves(networks)),
         "device": jax.devices()[0].device_kind,
         "processes": consensus.count(),
         "kernels": calls.name_of(job.training.kernels),

@@ -40,6 +40,10 @@ class Method(NamedTuple):
     render: Callable  # (params, rays [n]) -> model.Rendering
     colours: Callable  # (params, values [h + 2 halo, w + 2 halo, c]) -> RGB [h, w, 3]
     halo: int = 0  # pixels around one that its colour depends on
+    # Of single rays: as `terms`, with their values before: (values [n, c], ..., ...).
+    looked: Callable | None = None
+    # (name, rate) of parameters that plain gradient descent moves, and not Adam.
+    gathered: tuple = ()
 
 
 class LossWeights(NamedTuple):
@@ -114,7 +118,7 @@ def single_rays(
     done -> keyword arguments of the model.
     """
 
-    def terms(params, batch, share):
+    def looked(params, batch, share):
         rendering = model.apply(
             {"params": params["model"]},
             batch.rays,
@@ -127,7 +131,7 @@ def single_rays(
         data = data_loss(rendering, batch.photo, batch.weight)
         others = regularisers(rendering.histograms)
         mse = losses.weighted_mean(error, batch.weight)
-        return {"data": data * held, **others}, {"mse": mse * held}
+        return rendering.values, {"data": data * held, **others}, {"mse": mse * held}
 
     return Method(
         units=batch_rays,
@@ -135,7 +139,8 @@ def single_rays(
         draw=lambda key, step, views: batches.draw_rays(
             key, step, views, batch_rays, model.jitters
         ),
-        terms=terms,
+        terms=lambda *arguments: looked(*arguments)[1:],
+        looked=looked,
         render=lambda params, rays: model.apply({"params": params["model"]}, rays),
         colours=lambda params, values: values,
     )
@@ -199,15 +204,14 @@ def alignerf(
     loss: Loss,
     loss_weights: LossWeights,
     proposal_fraction=1.0,
-    dilation=1,
 ) -> Method:
     """AligNeRF: patches of rays, patch convolution, aligned and frequency losses.
 
     Each of the three can be left out, for the ablation. Resampling is not annealed:
-    the proposals are trained when fine-tuning starts. dilation: see `batches.Patches`.
+    the proposals are trained when fine-tuning starts.
     """
     head = patch_conv.PatchConv() if convolution else None
-    drawn = batches.Patches(patches, patch_px, loss.radius_px, dilation)
+    drawn = batches.Patches(patches, patch_px, loss.radius_px)
 
     def colours(params, values, *, padded=False):
         if head is None:

@@ -46,7 +46,7 @@ def build(job, method, params, views, *, micro_batches=None, to_come=0) -> Progr
     micro_batches: those of the training that is resumed; None for the device's own.
     """
     start = time.perf_counter()
-    optimizer_of = adam_of(job)
+    optimizer_of = adam_of(job, method)
     # What it keeps does not depend on how long a training is.
     optimizer = optimizer_of(train_step.Schedule(1, 0, 0))
     mesh = gradients.make_mesh(
@@ -105,7 +105,7 @@ def fresh_state(optimizer, params):
     return train_step.State(jnp.zeros((), jnp.int32), params, optimizer.init(params))
 
 
-def adam_of(job) -> train_step.Adam:
+def adam_of(job, method) -> train_step.Adam:
     """Adam on the learning rates of the job's stage."""
     return train_step.Adam(
         learning_rates=tuple(job.learning_rates),
@@ -114,6 +114,7 @@ def adam_of(job) -> train_step.Adam:
         hold_fraction=job.training.hold_fraction,
         cameras=job.learns,
         native=calls.use(job.training.kernels),
+        gathered=method.gathered,
     )
 
 

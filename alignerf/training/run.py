@@ -55,7 +55,10 @@ class Run:
     def align(self):
         """Align cameras and photos, and replace the views by the aligned ones."""
         params, learning = devices.local(self.state.params), self.aligner.learning
-        self.aligner.align(params, int(self.state.step))
+        changed = self.aligner.align(params, int(self.state.step))
+        if changed is not None:
+            changed = devices.place(changed, self.program.mesh)
+            self.state = self.state._replace(params=changed)
         if self.aligner.learning != learning:
             self.switch()
         views = self.aligner.views(self.unaligned)

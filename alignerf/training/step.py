@@ -69,6 +69,7 @@ class Adam(NamedTuple):
     hold_fraction: float = 0.0
     cameras: Any = None
     native: bool = False
+    gathered: tuple = ()
 
     def __call__(self, schedule: Schedule):
         length = {"steps": schedule.steps, "warmup_steps": schedule.warmup_steps}
@@ -76,13 +77,13 @@ class Adam(NamedTuple):
 
 
 def make_optimizer(
-    *, learning_rates, betas, eps, cameras=None, native=False, **schedule
+    *, learning_rates, betas, eps, cameras=None, native=False, gathered=(), **schedule
 ) -> Any:
     """Adam on the schedule above, whose other arguments are `schedule`'s.
 
     cameras: a `PoseOptimization` where the parameters `cameras` are learnt too; these
     have a schedule of their own and Adam's usual constants. native: whether the kernels
-    are there.
+    are there. gathered: of `methods.Method`.
     """
     first, last = learning_rates
 
@@ -94,6 +95,12 @@ def make_optimizer(
         fields = resting_natively(fields, rate, betas=betas, eps=eps)
     else:
         fields = resting(fields)
+    if gathered:
+        by_descent = {name: optax.sgd(rate) for name, rate in gathered}
+        return optax.multi_transform(
+            {"fields": fields, **by_descent},
+            lambda params: {n: n if n in by_descent else "fields" for n in params},
+        )
     if cameras is None:
         return fields
 
@@ -194,8 +201,11 @@ def is_table(path) -> bool:
     return getattr(path[-1], "key", None) == "table"
 
 
-def clip_per_network(grads, max_norm):
-    """Scale each network's gradient to at most max_norm; None leaves it alone."""
+def clip_per_network(grads, max_norm, but=()):
+    """Scale each network's gradient to at most max_norm; None leaves it alone.
+
+    but: names of what is no network.
+    """
     if max_norm is None:
         return grads
 
@@ -213,7 +223,11 @@ def clip_per_network(grads, max_norm):
         )
 
     model = {name: clip(tree) for name, tree in grads["model"].items()}
-    others = {name: clip(tree) for name, tree in grads.items() if name != "model"}
+    others = {
+        name: tree if name in but else clip(tree)
+        for name, tree in grads.items()
+        if name != "model"
+    }
     return {"model": model, **others}
 
 
@@ -250,7 +264,7 @@ def make_step(method, optimizer_of, *, gradient_norm, micro_batches=1, mesh=None
         (loss, shown), grads = gradients.mean(
             method.terms, state.params, *drawn, micro_batches=micro_batches, mesh=mesh
         )
-        grads = clip_per_network(grads, gradient_norm)
+        grads = clip_per_network(grads, gradient_norm, dict(method.gathered))
         nonfinite = count_nonfinite_squares(grads)
 
         def update(state):
