@@ -1,7 +1,7 @@
 """Adjust: trained as a plain method is, by cameras that bundle adjustment corrected.
 
-With `alignerf`, `align`, `pose_optimization` or `auto` beside it, that one trains it,
-from such cameras.
+With `alignerf`, `aligned_loss`, `align`, `pose_optimization` or `auto` beside it, that
+one trains it, from such cameras.
 """
 
 from alignerf.experiment import layout
@@ -13,14 +13,17 @@ class Adjusted(base.Method):
     """A method with `adjust`."""
 
     key, order = "adjust", 1
-    beside = (*base.Method.beside, "alignerf", "align", "pose_optimization", "auto")
+    beside = (
+        *base.Method.beside,
+        *("alignerf", "aligned_loss", "align", "pose_optimization", "auto"),
+    )
     annotation = bool
     example = "adjust: true"
     field = keys.key(
         False,
         "it trains with cameras that bundle adjustment has corrected, beside methods "
-        "that train with the scene's; or beside alignerf, align, pose_optimization or "
-        "auto",
+        "that train with the scene's; or beside alignerf, aligned_loss, align, "
+        "pose_optimization or auto",
     )
 
     def cameras(self, experiment, scene):
