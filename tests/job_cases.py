@@ -2,6 +2,7 @@
 
 import json
 
+import flax.serialization
 import numpy as np
 import pytest
 from PIL import Image
@@ -106,6 +107,12 @@ def run(folder, out, job=JOB, *more):
         ]
     )
     return (out / "learnt" / "model.msgpack").read_bytes()
+
+
+def params_of(out):
+    """The parameters that a training has written."""
+    content = (out / "learnt" / "model.msgpack").read_bytes()
+    return flax.serialization.msgpack_restore(content)
 
 
 def kill_after_save(monkeypatch, at_step, every=4):

@@ -7,8 +7,11 @@ import jax.numpy as jnp
 import numpy as np
 
 from alignerf import fields
+from alignerf.alignment import loss
+from alignerf.contributions import aligned_loss as contribution
 from alignerf.contributions import frequency_loss
 from alignerf.experiment import jobs
+from alignerf.methods.aligned_loss import AlignedLoss
 from alignerf.mipnerf360 import model as mipnerf360
 from alignerf.scenes import cameras
 from alignerf.training import batches, methods
@@ -70,6 +73,15 @@ def baseline(batch_rays=96, loss_weights=WEIGHTS):
     )
 
 
+def aligned_loss(method, learning=True, count=3, **settings):
+    """A method of single rays with the aligned loss, of `make_views`."""
+    chosen = {"radius_px": 3, "patch_px": 20, "patch_rays": 32} | settings
+    chosen = AlignedLoss(**chosen)
+    tiles = contribution.tiles_of((HEIGHT, WIDTH), chosen.patch_px, chosen.radius_px)
+    count *= tiles.rows * tiles.columns
+    return loss.aligned(method, chosen, tiles, count, learning=learning)
+
+
 def alignerf(outputs=6, **options):
     settings = {
         "patches": 2,
@@ -108,7 +120,7 @@ def make_views(count=3, height=HEIGHT, width=WIDTH, valid_fraction=0.7):
 
 def start(method, steps=50, **options):
     """(fresh state, step of the state and the views) of a method."""
-    adam = train_step.Adam((1e-2, 1e-3), (0.9, 0.999), 1e-15)
+    adam = train_step.Adam((1e-2, 1e-3), (0.9, 0.999), 1e-15, gathered=method.gathered)
     optimizer = adam(train_step.Schedule(steps, 5, 0))
     params = jax.jit(method.init)(jax.random.key(0))
     state = train_step.State(jnp.zeros((), jnp.int32), params, optimizer.init(params))

@@ -87,7 +87,8 @@ def with_photo_around(batch, views, tiles: Tiles, is_valid) -> Batch:
         return jax.lax.dynamic_slice(views.photos, start, (1, side, side, 3))[0]
 
     move = jnp.arange(side)
-    rows, columns = top[:, None, None] + move[:, None], left[:, None, None] + move
+    rows = top[:, None, None] + move[None, :, None]
+    columns = left[:, None, None] + move[None, None]
     counts = is_valid(views, batch.view[:, None, None], rows, columns)
     of_view = (y * tiles.rows // h) * tiles.columns + x * tiles.columns // w
     return Batch(
@@ -123,7 +124,8 @@ def offsets_px(costs, patch_rays, penalty) -> Float[Array, "tiles 2"]:
     """
     side = costs.shape[-1]
     axis = np.arange(side) - side // 2
-    length_px = np.hypot(axis[:, None], axis).astype(np.float32)
+    length_px = np.hypot(axis[:, None], axis).astype(np.float32)[None]
+    empty = jnp.max(costs, axis=(1, 2)) <= 0
     costs = patch_rays * costs + penalty * length_px
     best = jnp.argmin(costs.reshape(len(costs), -1), axis=-1)
     y, x = jnp.divmod(best, side)
@@ -139,7 +141,6 @@ def offsets_px(costs, patch_rays, penalty) -> Float[Array, "tiles 2"]:
         return jnp.clip(0.5 * (before - after) / bend, -0.5, 0.5)
 
     found = jnp.stack([x + vertex(0, 1), y + vertex(1, 0)], axis=-1) - side // 2
-    empty = jnp.max(costs - penalty * length_px, axis=(1, 2)) <= 0
     return jnp.where(empty[:, None], 0.0, found)
 
 
@@ -156,7 +157,7 @@ def aligned_photo(batch: Batch, offsets) -> tuple[Array, Array]:
     weight 0.
     """
     moved = offsets[batch.tile]
-    taps = jnp.arange(batch.around.shape[1])
+    taps = jnp.arange(batch.around.shape[1])[None]
     across = cubic(taps + batch.left[:, None] - moved[:, :1])
     down = cubic(taps + batch.top[:, None] - moved[:, 1:])
     counts = batch.counts.astype(jnp.float32)

@@ -3,7 +3,6 @@
 import json
 
 import cv2
-import flax.serialization
 import jax
 import numpy as np
 import pytest
@@ -130,20 +129,15 @@ def test_it_says_what_it_saw_and_did(scene, whole):
         assert 0 < row["time_s"] < timing["train_time_s"]
     given = prepared.read_cameras(scene / "cameras.npz")
     moved = prepared.read_cameras(out / "learnt/cameras.npz")
-    learnt = parameters(out)["cameras"]
+    learnt = cases.params_of(out)["cameras"]
     assert (learnt != 0).all()
     assert (moved["camtoworlds"] != given["camtoworlds"]).any()
-
-
-def parameters(out):
-    content = (out / "learnt" / "model.msgpack").read_bytes()
-    return flax.serialization.msgpack_restore(content)
 
 
 def test_alignment_alone_is_another_training(scene, whole, tmp_path):
     """It learns no camera, and so moves no held-out one."""
     assert run(scene, tmp_path, cases.JOB | {"align": ALIGN}) != whole[1]
-    assert "cameras" not in parameters(tmp_path)
+    assert "cameras" not in cases.params_of(tmp_path)
     given = prepared.read_cameras(scene / "cameras.npz")
     moved = prepared.read_cameras(tmp_path / "learnt/cameras.npz")
     assert (moved["camtoworlds"] != given["camtoworlds"]).any()
@@ -174,7 +168,7 @@ def test_where_the_flow_says_that_nothing_is_wrong_it_is_plain(
         cases.run(scene, out, cases.JOB | job)
     timing = json.loads((outs[0] / "timing.json").read_text())
     assert not any(row.get("learning") for row in timing["alignments"])
-    found, plain = map(parameters, outs)
+    found, plain = map(cases.params_of, outs)
     assert not found.pop("cameras").any()
     jax.tree.map(np.testing.assert_array_equal, found, plain)
     given = prepared.read_cameras(scene / "cameras.npz")

@@ -194,21 +194,3 @@ def test_sizes_that_leave_no_offset_are_refused(rng):
         parts = float32(np.ones((8, 8, 3)), np.ones((around, around, 3)))
         with pytest.raises(ValueError, match=f"{around} px of photo"):
             align(*parts, whole(around))
-
-
-@pytest.mark.parametrize("holes", [0.0, 0.05, 1.0])
-def test_a_dilated_patch_of_neighbours_is_a_patch(rng, holes):
-    """The pixels around each ray are found as the photo around the patch is."""
-    render, photo = make_patches("noisy", 1.0, rng)
-    valid = (rng.uniform(size=photo.shape[:2]) >= holes).astype(np.float32)
-    side = 2 * RADIUS + 1
-    around = [
-        np.lib.stride_tricks.sliding_window_view(array, (side, side), (0, 1))
-        for array in (photo, valid)
-    ]
-    around[0] = around[0].transpose(0, 1, 3, 4, 2)
-    wanted, found = align(render, photo, valid), align(render, *around)
-    assert tuple(found.offset_px) == tuple(wanted.offset_px)
-    for name in ("patch", "cost", "scale"):
-        ours, theirs = getattr(found, name), getattr(wanted, name)
-        np.testing.assert_allclose(ours, theirs, rtol=1e-5, err_msg=name)

@@ -40,7 +40,6 @@ JOB = {
         "learning_rates": [0.003, 0.0003],
         "patches": 2,
         "patch_px": 16,
-        "dilation": 1,
         "convolution": True,
         "features": 5,
         "error": "squared",
@@ -237,15 +236,6 @@ def test_a_stage_needs_its_settings_and_no_other_has_them(job, stage, key):
 def test_a_pre_training_is_a_share_of_the_length(job, share, reason):
     with pytest.raises(ValueError, match=reason):
         jobs.parse(in_stage(job, "pretrain") | {"pretrain_fraction": share})
-
-
-def test_dilated_patches_have_no_part_that_needs_neighbours(job):
-    job["alignerf"] |= {"dilation": 2}
-    with pytest.raises(ValueError, match="convolution: dilation above 1 needs false"):
-        jobs.parse(job)
-    job["alignerf"] |= {"convolution": False}
-    with pytest.raises(ValueError, match="frequency_weight: dilation above 1 needs 0"):
-        jobs.parse(job)
 
 
 def test_what_a_slice_leaves_out_has_its_default(job):

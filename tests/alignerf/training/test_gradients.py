@@ -10,28 +10,26 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from jax import random
 
 from alignerf.training import gradients
 from tests import training_cases as cases
 
 
-@pytest.mark.parametrize("kind", ["mipnerf360", "alignerf", "dilated"])
+@pytest.mark.parametrize("kind", ["mipnerf360", "alignerf", "aligned_loss"])
 def test_micro_batches_give_the_gradient_of_the_batch(kind):
     """With masks that differ from part to part, and one part that is all masked."""
-    if kind == "mipnerf360":
-        method = cases.baseline()
+    if kind == "alignerf":
+        method = cases.alignerf(patches=4)
     else:
-        dense = {"frequency_features": None} if kind == "dilated" else {}
-        method = cases.alignerf(
-            patches=4,
-            dilation=3 if kind == "dilated" else 1,
-            convolution=kind == "alignerf",
-            loss=cases.make_loss(**dense),
-            **({"outputs": 3} if kind == "dilated" else {}),
-        )
+        method = cases.baseline()
+    if kind == "aligned_loss":
+        method = cases.aligned_loss(method)
     params = jax.jit(method.init)(jax.random.key(0))
     batch = jax.jit(method.draw)(jax.random.key(1), 0, cases.make_views())
-    if kind == "mipnerf360":
+    if kind == "aligned_loss":
+        params["costs"] = random.uniform(random.key(2), params["costs"].shape)
+    if kind != "alignerf":
         weight = batch.weight.at[:24].set(0.0)
         batch = batch._replace(weight=weight / jnp.mean(weight))
 

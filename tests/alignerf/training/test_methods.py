@@ -73,30 +73,6 @@ def test_drawn_patches_show_their_pixels_and_nothing_beyond_the_border(views):
     assert x.max() >= 36
 
 
-def test_rays_of_a_dilated_patch_are_one_in_each_cell(views):
-    drawn = batches.Patches(40, 6, 2, dilation=5)
-    draw = jax.jit(lambda key, views: batches.draw_patches(key, 0, views, drawn, 2))
-    batch = draw(jax.random.key(1), views)
-    x, y = (v.reshape(40, 6, 6) for v in pixel_of(batch.rays))
-    assert batch.photo.shape == (40, 6, 6, 5, 5, 3)
-    photos = np.asarray(views.photos)[batch.view[:, None, None], y, x] / 255.0
-    np.testing.assert_allclose(photos, batch.photo[:, :, :, 2, 2], atol=1e-6)
-    # The pixel to the right of a ray and below it, where the photo has one.
-    right, below = np.minimum(x + 2, 39), np.minimum(y + 1, 35)
-    photos = np.asarray(views.photos)[batch.view[:, None, None], below, right] / 255.0
-    np.testing.assert_allclose(photos, batch.photo[:, :, :, 3, 4], atol=1e-6)
-    inside = (x + 2 < 40) & (y + 1 < 36)
-    valid = np.unpackbits(views.valid, axis=-1, count=40)
-    valid = valid[batch.view[:, None, None], below, right]
-    np.testing.assert_array_equal(batch.exists[:, :, :, 3, 4], inside & (valid > 0))
-    # One in each cell of 5 x 5, at any place in it.
-    for of, axis in ((x, 2), (y, 1)):
-        cells = of - 5 * np.arange(6).reshape([1, *(np.arange(1, 3) == axis) * 5 + 1])
-        spread = cells.max(axis=(1, 2)) - cells.min(axis=(1, 2))
-        assert spread.max() == 4
-    assert 0 < inside.mean() < 1
-
-
 def test_pixels_beyond_two_thousand_million_are_found():
     """170 photos of 2560 x 1680 have 2.2e9 numbers: 32-bit offsets wrap round.
 
