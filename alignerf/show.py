@@ -89,8 +89,8 @@ def below_baseline(table, staged):
                 f"{row.difference_to} ({test_set}). That is expected after "
                 f"{row.steps:.0f} steps.\n"
                 "  It trains on patches, which teach less a step than rays from "
-                "everywhere. On courtyard it pays from 8000 steps on, dilated patches "
-                "sooner: docs/evidence/reproduction.md"
+                "everywhere. `aligned_loss: {}` has its loss without them: "
+                "docs/evidence/reproduction.md"
             )
 
 

@@ -193,9 +193,9 @@ def of_training(one, moved, rate: Rates, flow: Flow, views: Views):
 def loop_of(job, rate: Rates, pixel_s, flow: Flow, views: Views):
     """(seconds of a training's steps and alignments, their bytes of memory)."""
     minutes = job.budget_min
-    # As if cameras that may be learnt were wrong, which nobody knows yet.
-    step_s = rate.step_s * (job.learns.mean_step if job.learns else 1)
-    seconds = job.steps * step_s if minutes is None else 60 * minutes
+    seconds = (
+        job.steps * rate.step_s * job.mean_step if minutes is None else 60 * minutes
+    )
     if not job.aligns:
         return seconds, 0
     share = 1 / max(1, min(job.aligns.shrink, views.side // FLOW_SIDE)) ** 2

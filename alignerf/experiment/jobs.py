@@ -105,6 +105,11 @@ class Job(Text, Keys):
     def rays_per_step(self):
         return self.training.batch_rays
 
+    @property
+    def mean_step(self):
+        """Times a plain step: the mean step, as if what it corrects were wrong."""
+        return self.learns.mean_step if self.learns else 1.0
+
 
 class Full(Job):
     """A training in one go."""

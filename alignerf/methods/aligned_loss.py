@@ -6,6 +6,9 @@ from alignerf.experiment import jobs
 from alignerf.experiment.keys.key import Keys, key
 from alignerf.methods import base
 
+# What a step that searches the photos takes besides, of a plain step.
+MORE_TIME = 0.25
+
 
 class AlignedLoss(Keys):
     """The alignment-aware loss on single rays, where photos ask for it."""
@@ -46,6 +49,10 @@ class Job(jobs.Full):
     own: ClassVar = "aligned_loss"
     part: ClassVar = "alignerf.alignment.loss:Part"
     aligned_loss: AlignedLoss = key()
+
+    @property
+    def mean_step(self):
+        return 1 + MORE_TIME * (1 - self.aligned_loss.start_fraction)
 
 
 class Aligned(base.Method):

@@ -133,9 +133,8 @@ def time_budget(job, built, params, views):
     max_s = min(TIMING_S, TIMING_FRACTION * 60 * job.budget_min)
     copy = jax.tree.map(jnp.copy, params)
     time_s = step_time_s(job, built, copy, views, max_s=max_s)
-    if job.learns:
-        # As if they were wrong, which nobody knows yet.
-        time_s *= job.learns.mean_step
+    # As if photos or cameras were wrong, which nobody knows yet.
+    time_s *= job.mean_step
     steps = jobs.steps_in(job, time_s)
     return {"steps": steps, "steps_per_s": round(1 / time_s, 4)}
 

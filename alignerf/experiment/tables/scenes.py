@@ -126,7 +126,8 @@ def regime_base(experiment):
     base = {experiment.baseline(method) for method in staged}
     if len(base) != 1 or base & set(staged):
         raise ValueError(
-            "config: methods: regimes need methods with alignerf, and one without"
+            "config: methods: regimes need methods with alignerf or aligned_loss, and "
+            "one without"
         )
     return next(iter(base))
 

@@ -19,10 +19,7 @@ from tests import training_cases as cases
 @pytest.mark.parametrize("kind", ["mipnerf360", "alignerf", "aligned_loss"])
 def test_micro_batches_give_the_gradient_of_the_batch(kind):
     """With masks that differ from part to part, and one part that is all masked."""
-    if kind == "alignerf":
-        method = cases.alignerf(patches=4)
-    else:
-        method = cases.baseline()
+    method = cases.alignerf(patches=4) if kind == "alignerf" else cases.baseline()
     if kind == "aligned_loss":
         method = cases.aligned_loss(method)
     params = jax.jit(method.init)(jax.random.key(0))
