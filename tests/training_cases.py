@@ -77,7 +77,8 @@ def aligned_loss(method, learning=True, count=3, **settings):
     """A method of single rays with the aligned loss, of `make_views`."""
     chosen = {"radius_px": 3, "patch_px": 20, "patch_rays": 32} | settings
     chosen = AlignedLoss(**chosen)
-    tiles = contribution.tiles_of((HEIGHT, WIDTH), chosen.patch_px, chosen.radius_px)
+    size = HEIGHT, WIDTH
+    tiles = contribution.tiles_of(size, count, chosen.patch_px, chosen.radius_px)
     count *= tiles.rows * tiles.columns
     return loss.aligned(method, chosen, tiles, count, learning=learning)
 

@@ -31,8 +31,9 @@ MANIFEST = {"identity": str, "report": list}
 def tiles_of(job, loaded) -> tuple[Tiles, int]:
     """(the tiles of a photo, how many all training views have)."""
     chosen, size = job.aligned_loss, (loaded.height, loaded.width)
-    tiles = aligned_loss.tiles_of(size, chosen.patch_px, chosen.radius_px)
-    return tiles, len(loaded.views("train")) * tiles.rows * tiles.columns
+    views = len(loaded.views("train"))
+    tiles = aligned_loss.tiles_of(size, views, chosen.patch_px, chosen.radius_px)
+    return tiles, views * tiles.rows * tiles.columns
 
 
 def offsets_of(costs, chosen):
@@ -59,7 +60,11 @@ def aligned(method, chosen, tiles: Tiles, count, *, learning):
 
     def looked(params, batch, share):
         costs = jax.lax.stop_gradient(params[COSTS])
-        offsets = offsets_of(costs, chosen)
+        # Of the tiles, or of the rays: what is less work.
+        if len(batch.tile) < count:
+            offsets = offsets_of(costs[batch.tile], chosen)
+        else:
+            offsets = offsets_of(costs, chosen)[batch.tile]
         photo, weight = aligned_loss.aligned_photo(batch, offsets)
         own = without_costs(params)
         moved = batch._replace(photo=photo, weight=weight)

@@ -23,6 +23,10 @@ from jaxtyping import Array, Float, Int
 
 from alignerf.scenes import cameras
 
+# Of all photos, about: a step passes over the costs of all tiles, and with more of them
+# the rays of each are too old.
+MAX_TILES = 2048
+
 
 class Tiles(NamedTuple):
     """How many tiles a photo has, [rows, columns], and how far is searched."""
@@ -56,10 +60,10 @@ class Batch(NamedTuple):
     left: Int[Array, "n"]
 
 
-def tiles_of(size, patch_px, radius_px) -> Tiles:
-    """The tiles of photos of `size` (height, width): about patch_px a side.
+def tiles_of(size, views, patch_px, radius_px) -> Tiles:
+    """The tiles of a photo of `size` (height, width): about patch_px a side.
 
-    Raises ValueError where a photo is smaller than what is searched.
+    views: how many photos there are; of many, tiles are larger. Raises ValueError where a photo is smaller than what is searched.
     """
     side = 2 * radius_px + 1
     if min(size) < side:
@@ -67,6 +71,7 @@ def tiles_of(size, patch_px, radius_px) -> Tiles:
             f"config.aligned_loss.radius_px: {radius_px} searches {side} px a side, "
             f"photos have {size[1]}x{size[0]}"
         )
+    patch_px = max(patch_px, (size[0] * size[1] * views / MAX_TILES) ** 0.5)
     rows, columns = (max(1, round(length / patch_px)) for length in size)
     return Tiles(rows, columns, radius_px)
 
@@ -149,14 +154,13 @@ def lengths_px(offsets) -> Float[Array, "tiles"]:
     return jnp.hypot(offsets[:, 0], offsets[:, 1])
 
 
-def aligned_photo(batch: Batch, offsets) -> tuple[Array, Array]:
-    """(photo [n, 3], weight [n]) at the rays' pixels plus the offsets of their tiles.
+def aligned_photo(batch: Batch, moved) -> tuple[Array, Array]:
+    """(photo [n, 3], weight [n]) at the rays' pixels plus their offsets [n, 2] in px.
 
     Between pixels by Catmull-Rom's cubic, which blurs less than a linear one. A ray
     whose aligned place lies beyond the border, or by pixels that do not count, has
     weight 0.
     """
-    moved = offsets[batch.tile]
     taps = jnp.arange(batch.around.shape[1])[None]
     across = cubic(taps + batch.left[:, None] - moved[:, :1])
     down = cubic(taps + batch.top[:, None] - moved[:, 1:])

@@ -40,6 +40,7 @@ RENAMED = {
     "least_train_views": "min_train_views",
     "most_rounds": "max_rounds",
 }
+REMOVED = {"dilation": ": the method `aligned_loss: {}` replaces dilated patches"}
 RENAMED_VALUES = {"judged": "external_renders", "given": "input"}
 # Programs, and the source that reads what they write.
 READ_BY = {
@@ -90,6 +91,7 @@ class Keys(pydantic.BaseModel):
                 hint = f", perhaps {near[0]!r}" if near else ""
                 if RENAMED.get(word) in names:
                     hint = f": it is called {RENAMED[word]!r} now"
+                hint = REMOVED.get(word, hint)
                 raise ValueError(f"{short(key)} is no key of this section{hint}")
         return values
 

@@ -27,7 +27,7 @@ def views(rng):
 
 
 def tiles(patch_px=40):
-    return aligned_loss.tiles_of(SIZE, patch_px, RADIUS)
+    return aligned_loss.tiles_of(SIZE, 2, patch_px, RADIUS)
 
 
 def drawn(views, count=4000, patch_px=40):
@@ -126,7 +126,7 @@ def test_offsets_stay_within_the_search_at_any_scale(rng, scale):
 
 def test_where_nothing_moves_the_photo_is_the_baselines_to_the_bit(views):
     batch = drawn(views)
-    photo, weight = aligned_loss.aligned_photo(batch, jnp.zeros((8, 2)))
+    photo, weight = aligned_loss.aligned_photo(batch, jnp.zeros((4000, 2)))
     np.testing.assert_array_equal(photo, batch.photo)
     np.testing.assert_array_equal(weight, batch.weight)
 
@@ -134,7 +134,7 @@ def test_where_nothing_moves_the_photo_is_the_baselines_to_the_bit(views):
 @pytest.mark.parametrize("offset_px", [(2, -3), (1.5, 0.25), (-0.4, -3.6)])
 def test_the_aligned_photo_is_the_photo_at_the_offset(views, offset_px):
     batch = drawn(views)
-    offsets = jnp.tile(jnp.asarray(offset_px, jnp.float32), (8, 1))
+    offsets = jnp.tile(jnp.asarray(offset_px, jnp.float32), (4000, 1))
     photo, weight = map(np.asarray, aligned_loss.aligned_photo(batch, offsets))
     wanted = shifted(views, batch, offset_px)
     x, y = pixels_of(batch)
@@ -160,7 +160,7 @@ def test_pixels_that_do_not_count_are_seen_by_nobody(views, rng):
     rgb = shifted(views, batch, (1, 1))
     np.testing.assert_array_equal(found(views, batch, rgb), found(views, spoilt, rgb))
     np.testing.assert_allclose(found(views, batch, rgb), 1, atol=0.5)
-    offsets = jnp.full((8, 2), 0.5)
+    offsets = jnp.full((4000, 2), 0.5)
     ours, theirs = (aligned_loss.aligned_photo(b, offsets) for b in (batch, spoilt))
     np.testing.assert_array_equal(ours[1], theirs[1])
     seen = np.asarray(ours[1]) > 0
@@ -202,6 +202,23 @@ def test_costs_become_the_mean_of_the_last_rays(views, count, patch_rays):
 
 def test_photos_smaller_than_the_search_are_refused():
     with pytest.raises(ValueError, match=r"radius_px: 8 searches 17 px .* 30x16"):
-        aligned_loss.tiles_of((16, 30), 100, 8)
-    assert aligned_loss.tiles_of((17, 30), 100, 8) == (1, 1, 8)
-    assert aligned_loss.tiles_of((150, 200), 100, 8) == (2, 2, 8)
+        aligned_loss.tiles_of((16, 30), 5, 100, 8)
+    assert aligned_loss.tiles_of((17, 30), 5, 100, 8) == (1, 1, 8)
+
+
+@pytest.mark.parametrize(
+    ("size", "views", "wanted"),
+    [
+        ((150, 200), 42, (2, 2)),
+        ((480, 270), 43, (5, 3)),
+        ((3000, 4000), 300, (2, 3)),
+        ((17, 17), 10**6, (1, 1)),
+        ((20000, 17), 1, (200, 1)),
+    ],
+)
+def test_tiles_are_larger_where_there_are_many_photos(size, views, wanted):
+    found = aligned_loss.tiles_of(size, views, 100, 8)
+    assert found[:2] == wanted
+    assert found.rows * found.columns * views <= max(
+        views, 1.3 * aligned_loss.MAX_TILES
+    )

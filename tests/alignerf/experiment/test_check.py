@@ -482,6 +482,12 @@ def test_keys_of_earlier_versions_are_refused_with_the_new(demo, section, old, n
         check.checked(demo)
 
 
+def test_dilated_patches_are_refused_with_what_replaces_them(demo):
+    demo["methods"]["mipnerf360"]["alignerf"] = {"dilation": 6}
+    with pytest.raises(ValueError, match="'dilation' is no key .*`aligned_loss: {}`"):
+        check.checked(demo)
+
+
 def test_a_users_own_names_may_be_of_an_earlier_version(demo):
     demo["methods"] |= {"refine": {"model": "base"}, "windows": {"model": "base"}}
     assert {"refine", "windows"} < check.checked(demo)["methods"].keys()
