@@ -63,7 +63,8 @@ class Batch(NamedTuple):
 def tiles_of(size, views, patch_px, radius_px) -> Tiles:
     """The tiles of a photo of `size` (height, width): about patch_px a side.
 
-    views: how many photos there are; of many, tiles are larger. Raises ValueError where a photo is smaller than what is searched.
+    views: how many photos there are; of many, tiles are larger. Raises ValueError where
+    a photo is smaller than what is searched.
     """
     side = 2 * radius_px + 1
     if min(size) < side:

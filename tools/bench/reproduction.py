@@ -9,6 +9,7 @@ runs not finished are left out. Scenes of one name are pooled over their seeds.
 --budget: a row for each scene, length and method. Gains are over plain training of as
 many steps, and of as many seconds, where its score is interpolated between its lengths.
 --effects: a row for each effect that the paper reports, its figure and ours.
+--pairs: a row for each method M_loss over the method M of the same model.
 """
 
 import argparse
@@ -152,14 +153,18 @@ def main(argv=None):
     parser.add_argument("--pixels", type=float, help="of the training photos")
     parser.add_argument("--budget", type=Path)
     parser.add_argument("--effects", type=Path)
+    parser.add_argument("--pairs", type=Path)
     args = parser.parse_args(argv)
     views = read(args.results)
-    if args.budget and not args.scenes:
-        parser.error("--budget needs --scenes")
+    if (args.budget or args.pairs) and not args.scenes:
+        parser.error("--budget and --pairs need --scenes")
+    scenes = [views[views["scene"] == name] for name in args.scenes or ()]
     if args.budget:
-        scenes = [views[views["scene"] == name] for name in args.scenes]
         rows = [row for own in scenes for row in budget_of(own, args)]
         pd.DataFrame(rows).to_csv(args.budget, index=False, float_format="%.4g")
+    if args.pairs:
+        rows = [row for own in scenes for row in pairs_of(own)]
+        pd.DataFrame(rows).to_csv(args.pairs, index=False, float_format="%.4g")
     if not args.effects:
         return
     paper = pd.read_csv(Path("results/published/tables.csv")).fillna({"group": ""})
@@ -231,6 +236,24 @@ def budget_of(views, args):
                     row |= found
                 row |= at_equal_time(mine, base, truth)
             yield row
+
+
+def pairs_of(views):
+    """Rows of a scene: what the aligned loss brings to each model."""
+    truth = next(t for t in TRUTHS if t in set(views["test_set"]))
+    for name in views["method"].drop_duplicates():
+        if f"{name}_loss" in set(views["method"]):
+            own = views[views["method"] == f"{name}_loss"]
+            found, seeds = gain(views, (f"{name}_loss", 0), (name, 0), truth, "gain_")
+            plain = psnr_db(views, (name, 0), truth).values()
+            yield {
+                "model": name,
+                "params": own["params"].iloc[0],
+                "rays_million": own["rays_seen"].iloc[0] / 1e6,
+                "plain_db": np.mean([one.mean() for one in plain]),
+                **found,
+                "seeds": seeds,
+            }
 
 
 def epochs_of(mine, pixels):

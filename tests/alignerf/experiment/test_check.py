@@ -484,7 +484,9 @@ def test_keys_of_earlier_versions_are_refused_with_the_new(demo, section, old, n
 
 def test_dilated_patches_are_refused_with_what_replaces_them(demo):
     demo["methods"]["mipnerf360"]["alignerf"] = {"dilation": 6}
-    with pytest.raises(ValueError, match="'dilation' is no key .*`aligned_loss: {}`"):
+    with pytest.raises(
+        ValueError, match=r"'dilation' is no key .*`aligned_loss: \{\}`"
+    ):
         check.checked(demo)
 
 
