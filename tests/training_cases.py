@@ -121,7 +121,9 @@ def make_views(count=3, height=HEIGHT, width=WIDTH, valid_fraction=0.7):
 
 def start(method, steps=50, **options):
     """(fresh state, step of the state and the views) of a method."""
-    adam = train_step.Adam((1e-2, 1e-3), (0.9, 0.999), 1e-15, gathered=method.gathered)
+    adam = train_step.Adam(
+        (1e-2, 1e-3), (0.9, 0.999), 1e-15, running_means=method.running_means
+    )
     optimizer = adam(train_step.Schedule(steps, 5, 0))
     params = jax.jit(method.init)(jax.random.key(0))
     state = train_step.State(jnp.zeros((), jnp.int32), params, optimizer.init(params))

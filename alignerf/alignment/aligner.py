@@ -1,8 +1,9 @@
 """The alignments of one training, made in its loop.
 
 The loop asks three things: before which steps it has to stop (`places`), what it learns
-from after the alignments so far (`views`), and to align at a step (`align`). A resumed
-training takes what is on disk (`restore`) and is bit for bit the same.
+from after the alignments so far (`views`), and to align at a step (`align`, which may
+give parameters that it changed). A resumed training takes what is on disk (`restore`)
+and is bit for bit the same.
 """
 
 import dataclasses

@@ -16,8 +16,8 @@ from alignerf.contributions import aligned_loss
 from alignerf.contributions.aligned_loss import Tiles
 from alignerf.io import atomic, json_files
 from alignerf.methods import base
-from alignerf.processes import devices
-from alignerf.training import batches, compose, loop, memory
+from alignerf.processes import consensus, devices
+from alignerf.training import batches, compose, loop, memory, renderer
 
 log = logging.getLogger("alignerf")
 
@@ -25,7 +25,8 @@ log = logging.getLogger("alignerf")
 COSTS = "costs"
 # Beside the checkpoint: what the look found.
 FILE = "look.json"
-MANIFEST = {"identity": str, "report": list}
+# Two halves of a tile's rays agree where their offsets are as near.
+AGREE_PX = 1.0
 
 
 def tiles_of(job, loaded) -> tuple[Tiles, int]:
@@ -58,7 +59,7 @@ def aligned(method, chosen, tiles: Tiles, count, *, learning):
     def without_costs(params):
         return {name: tree for name, tree in params.items() if name != COSTS}
 
-    def looked(params, batch, share):
+    def values_and_terms(params, batch, share):
         costs = jax.lax.stop_gradient(params[COSTS])
         # Of the tiles, or of the rays: what is less work.
         if len(batch.tile) < count:
@@ -68,18 +69,22 @@ def aligned(method, chosen, tiles: Tiles, count, *, learning):
         photo, weight = aligned_loss.aligned_photo(batch, offsets)
         own = without_costs(params)
         moved = batch._replace(photo=photo, weight=weight)
-        values, terms, shown = method.looked(own, moved, share)
-        gathered = aligned_loss.gathering(params[COSTS], values, batch, tiles)
-        offset_px = jnp.median(aligned_loss.lengths_px(offsets))
-        return values, {**terms, COSTS: gathered}, {**shown, "offset_px": offset_px}
+        values, terms, shown = method.values_and_terms(own, moved, share)
+        mean = aligned_loss.gathering(params[COSTS], values, batch, tiles)
+        offset_px = jnp.mean(aligned_loss.lengths_px(offsets))
+        return values, {**terms, COSTS: mean}, {**shown, "offset_px": offset_px}
 
     rate = aligned_loss.rate_of(method.units, count, chosen.patch_rays)
-    made = method._replace(init=init, gathered=((COSTS, rate),))
+    made = method._replace(init=init, running_means=((COSTS, rate),))
     if not learning:
         return made._replace(
             terms=lambda params, *others: method.terms(without_costs(params), *others)
         )
-    return made._replace(draw=draw, looked=looked, terms=lambda *a: looked(*a)[1:])
+    return made._replace(
+        draw=draw,
+        values_and_terms=values_and_terms,
+        terms=lambda *a: values_and_terms(*a)[1:],
+    )
 
 
 class Look(loop.NoAligner):
@@ -89,27 +94,32 @@ class Look(loop.NoAligner):
         self.job, self.loaded = job, loaded
         self.path = pathlib.Path(folder) / FILE
         self.learning, self.report, self.compile_time_s = False, [], 0.0
-        self.places, self.identity, self.photos = {}, "", None
+        self.places, self.identity, self.steps, self.photos = set(), "", 0, None
 
     def begin(self, steps, identity):
         """Fix the step of the look; identity: the training's fingerprint."""
-        self.identity = identity
+        self.identity, self.steps = identity, steps
         place = round(self.job.aligned_loss.start_fraction * steps)
-        self.places = {min(max(place, 1), steps - 1): ["loss"]} if steps > 1 else {}
+        self.places = {min(max(place, 1), steps - 1)} if steps > 1 else set()
 
     def restore(self, step):
         """Take over what an earlier look found; one at this very step is repeated."""
         if not any(place < step for place in self.places):
             return True
-        try:
-            found = json_files.read(self.path, MANIFEST)
-        except (OSError, ValueError):
+        row = consensus.on(self.read() if consensus.is_first() else None)
+        if row is None:
             return False
-        if found["identity"] != self.identity or not found["report"]:
-            return False
-        self.report = found["report"]
-        self.learning = bool(self.report[-1].get("searching"))
+        self.report, self.learning = [row], row["searching"]
         return True
+
+    def read(self):
+        """The row of the report on this very training's look; None without one."""
+        try:
+            found = json_files.read(self.path, {"identity": str, "row": dict})
+        except (OSError, ValueError):
+            return None
+        known = isinstance(found["row"].get("searching"), bool)
+        return found["row"] if known and found["identity"] == self.identity else None
 
     def views(self, views):
         """The views as they are; the look is at these."""
@@ -120,61 +130,76 @@ class Look(loop.NoAligner):
         """Bytes of the costs, and of the photos while they are looked at."""
         tiles, count = tiles_of(self.job, self.loaded)
         # With the gradient, and what is added up at the look.
-        return 3 * 4 * count * tiles.side**2 + memory.tree_bytes(shapes)
+        return 4 * 4 * count * tiles.side**2 + memory.tree_bytes(shapes)
 
     def align(self, params, step):
         """Search the photos once; the parameters with the costs, where they lie off."""
         begun, compiled_s = time.perf_counter(), self.compile_time_s
-        chosen = self.job.aligned_loss
-        costs, median_px = self.searched(params)
-        self.learning = median_px >= chosen.min_move_px
+        min_px = self.job.aligned_loss.min_move_px
+        costs, median_px, known = consensus.on_arrays(self.searched(params))
+        self.learning = float(median_px) >= min_px
         took_s = time.perf_counter() - begun - (self.compile_time_s - compiled_s)
-        row = {"step": step, "offset_px": round(median_px, 3)}
+        row = {"step": step, "offset_px": round(float(median_px), 3)}
         row |= {"searching": self.learning, "time_s": round(took_s, 3)}
-        self.report = [row]
+        self.report = [consensus.on(row)]
+        stays = f"below {min_px:g} px, so the training stays plain"
         log.info(
-            "aligned loss: photos are %.2f px off the renders (median of %d tiles): %s",
-            *(median_px, len(costs)),
-            "they are searched from here on"
-            if self.learning
-            else f"below {chosen.min_move_px:g} px, so the training stays plain",
+            "aligned loss: photos are %.2f px off the renders (median of %d tiles of "
+            "%d): %s",
+            *(median_px, known, len(costs)),
+            "they are searched from here on" if self.learning else stays,
         )
-        with atomic.replace_file(self.path) as path:
-            found = {"identity": self.identity, "report": self.report}
-            path.write_text(json_files.canonical(found))
+        if consensus.is_first():
+            with atomic.replace_file(self.path) as path:
+                found = {"identity": self.identity, "row": row}
+                path.write_text(json_files.canonical(found))
         return {**params, COSTS: costs} if self.learning else None
 
     def searched(self, params):
-        """(costs [tiles, s, s], median offset in px), by `patch_rays` rays a tile.
+        """(costs [tiles, s, s], median offset in px, of how many tiles).
 
-        Forward only: a third of what as many rays take in training.
+        By `patch_rays` rays a tile, forward only, less where these were more than a
+        tenth of the training's steps. Two halves of the rays are searched apart: a
+        tile in which they disagree, as one without texture, does not count.
         """
         chosen, (tiles, count) = self.job.aligned_loss, tiles_of(self.job, self.loaded)
         method = self.learning_method()
         key = jax.random.fold_in(jax.random.key(self.job.seed), 1)
+        # No more rays at once than a renderer takes, where they are cut evenly.
+        most = renderer.CHUNK_RAYS
+        parts = method.units // most if method.units % most == 0 else 1
 
         def look(totals, step, params, views):
             batch = method.draw(key, step, views)
-            rgb = method.render(params, batch.rays).values
-            found = aligned_loss.summed(rgb, batch, tiles, count)
-            return jax.tree.map(jnp.add, totals, found)
+            rays = jax.tree.map(lambda x: x.reshape(parts, -1, x.shape[-1]), batch.rays)
+            rgb = jax.lax.map(lambda rays: method.render(params, rays).values, rays)
+            found = aligned_loss.summed(rgb.reshape(-1, 3), batch, tiles, count)
+            return jax.tree.map(lambda t, f: t.at[step % 2].add(f), totals, found)
 
         def ended(sums, rays):
-            costs = sums / jnp.maximum(rays, 1.0)[:, None, None]
-            offsets = offsets_of(costs, chosen)
-            return costs, jnp.median(aligned_loss.lengths_px(offsets))
+            each = sums / jnp.maximum(rays, 1.0)[..., None, None]
+            found = jax.vmap(lambda costs: offsets_of(costs, chosen))(each)
+            apart_px = aligned_loss.lengths_px(found[0] - found[1])
+            known = (apart_px <= AGREE_PX) & (jnp.min(rays, axis=0) > 0)
+            costs = jnp.sum(sums, 0) / jnp.maximum(jnp.sum(rays, 0), 1.0)[:, None, None]
+            found_px = aligned_loss.lengths_px(offsets_of(costs, chosen))
+            median_px = jnp.nanmedian(jnp.where(known, found_px, jnp.nan))
+            return costs, jnp.nan_to_num(median_px), jnp.sum(known)
 
-        totals = jnp.zeros((count, tiles.side, tiles.side)), jnp.zeros(count)
+        totals = (
+            jnp.zeros((2, count, tiles.side, tiles.side)),
+            jnp.zeros((2, count)),
+        )
         given = devices.on_first(params), jax.tree.map(jnp.asarray, self.photos)
         # Compiling is counted apart: a cache often saves it.
         begun = time.perf_counter()
-        look = jax.jit(look).lower(totals, 0, *given).compile()
+        look = jax.jit(look, donate_argnums=0).lower(totals, 0, *given).compile()
         ended = jax.jit(ended).lower(*totals).compile()
         self.compile_time_s += time.perf_counter() - begun
-        for step in range(-(-chosen.patch_rays * count // method.units)):
+        steps = -(-chosen.patch_rays * count // method.units)
+        for step in range(max(2, min(steps, self.steps // 10))):
             totals = look(totals, step, *given)
-        costs, median_px = ended(*totals)
-        return costs, float(median_px)
+        return ended(*totals)
 
     def learning_method(self):
         """The method that searches."""

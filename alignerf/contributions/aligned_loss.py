@@ -98,7 +98,11 @@ def with_photo_around(batch, views, tiles: Tiles, is_valid) -> Batch:
     counts = is_valid(views, batch.view[:, None, None], rows, columns)
     of_view = (y * tiles.rows // h) * tiles.columns + x * tiles.columns // w
     return Batch(
-        **{name: getattr(batch, name) for name in Batch._fields[:5]},
+        **{
+            name: getattr(batch, name)
+            for name in Batch._fields
+            if name in batch._fields
+        },
         tile=batch.view * tiles.rows * tiles.columns + of_view,
         around=jax.vmap(window)(batch.view, top, left),
         counts=counts.astype(jnp.uint8),
@@ -135,14 +139,15 @@ def offsets_px(costs, patch_rays, penalty) -> Float[Array, "tiles 2"]:
     costs = patch_rays * costs + penalty * length_px
     best = jnp.argmin(costs.reshape(len(costs), -1), axis=-1)
     y, x = jnp.divmod(best, side)
-    padded = jnp.pad(costs, ((0, 0), (1, 1), (1, 1)), mode="edge")
+    # Mirrored, an offset at the rim of the search stays there: beyond it no pixel is
+    # known.
+    padded = jnp.pad(costs, ((0, 0), (1, 1), (1, 1)), mode="reflect")
     each = jnp.arange(len(costs))
 
     def vertex(dy, dx):
         before, at, after = (
             padded[each, y + 1 + step * dy, x + 1 + step * dx] for step in (-1, 0, 1)
         )
-        # At its rim the search knows one side alone.
         bend = jnp.maximum(before - 2 * at + after, 1e-12)
         return jnp.clip(0.5 * (before - after) / bend, -0.5, 0.5)
 
@@ -160,11 +165,11 @@ def aligned_photo(batch: Batch, moved) -> tuple[Array, Array]:
 
     Between pixels by Catmull-Rom's cubic, which blurs less than a linear one. A ray
     whose aligned place lies beyond the border, or by pixels that do not count, has
-    weight 0.
+    weight 0; the data term then weighs less by the share of such rays.
     """
-    taps = jnp.arange(batch.around.shape[1])[None]
-    across = cubic(taps + batch.left[:, None] - moved[:, :1])
-    down = cubic(taps + batch.top[:, None] - moved[:, 1:])
+    pixels = jnp.arange(batch.around.shape[1])[None]
+    across = cubic(pixels + batch.left[:, None] - moved[:, :1])
+    down = cubic(pixels + batch.top[:, None] - moved[:, 1:])
     counts = batch.counts.astype(jnp.float32)
     share = jnp.einsum("ny,nx,nyx->n", down, across, counts)
     photo = batch.around.astype(jnp.float32) / 255.0
@@ -206,15 +211,15 @@ def gathering(costs, rgb, batch: Batch, tiles: Tiles):
     """
     found = jax.lax.stop_gradient(squared_errors(rgb, batch))
     use = searches(batch, tiles.radius_px)[:, None, None]
-    away = jnp.sum(use * (costs[batch.tile] - found) ** 2, axis=(1, 2))
-    value = 0.5 * jnp.mean(away)
+    distance = jnp.sum(use * (costs[batch.tile] - found) ** 2, axis=(1, 2))
+    value = 0.5 * jnp.mean(distance)
     return value - jax.lax.stop_gradient(value)
 
 
 def rate_of(batch_rays, count, patch_rays) -> float:
     """The rate at which costs follow: a mean over a tile's last `patch_rays` rays.
 
-    A step's gradient is a mean over all its rays. Where one step brings a tile more
-    than these, it is the mean over that step's. count: of all tiles.
+    A step's gradient is a mean over all its rays. Where a step brings a tile more than
+    these on average, costs are about the mean over that step's. count: of all tiles.
     """
     return batch_rays / max(patch_rays, batch_rays / count)

@@ -107,7 +107,7 @@ class Job(Text, Keys):
 
     @property
     def mean_step(self):
-        """Times a plain step: the mean step, as if what it corrects were wrong."""
+        """Mean time of a step in plain steps, as if what it corrects were wrong."""
         return self.learns.mean_step if self.learns else 1.0
 
 

@@ -161,7 +161,7 @@ class Part:
     def wrapped(self, method, loaded, learning):
         """The `training.methods.Method` that is trained on a scene.
 
-        learning: whether cameras are learnt now.
+        learning: whether what it learns besides, as cameras, is learnt now.
         """
         return method
 

@@ -185,8 +185,10 @@ def resume(checkpoints, fresh: Resumed, identity, steps, aligner) -> Resumed:
 def describe(job, method, params):
     """The facts of a training for tables, besides its times; the log shows some."""
     # Without what a method gathers: it renders nothing.
-    gathered = dict(method.gathered)
-    networks = {name: tree for name, tree in params.items() if name not in gathered}
+    running_means = dict(method.running_means)
+    networks = {
+        name: tree for name, tree in params.items() if name not in running_means
+    }
     facts = {
         "stage": job.stage,
         "steps": job.steps,

@@ -40,10 +40,11 @@ class Method(NamedTuple):
     render: Callable  # (params, rays [n]) -> model.Rendering
     colours: Callable  # (params, values [h + 2 halo, w + 2 halo, c]) -> RGB [h, w, 3]
     halo: int = 0  # pixels around one that its colour depends on
-    # Of single rays: as `terms`, with their values before: (values [n, c], ..., ...).
-    looked: Callable | None = None
-    # (name, rate) of parameters that plain gradient descent moves, and not Adam.
-    gathered: tuple = ()
+    # Of single rays: as `terms`, with the rays' values first, [n, c].
+    values_and_terms: Callable | None = None
+    # (name, rate) of parameters that are no network's: plain gradient descent by this
+    # rate makes them means over the last steps.
+    running_means: tuple = ()
 
 
 class LossWeights(NamedTuple):
@@ -118,7 +119,7 @@ def single_rays(
     done -> keyword arguments of the model.
     """
 
-    def looked(params, batch, share):
+    def values_and_terms(params, batch, share):
         rendering = model.apply(
             {"params": params["model"]},
             batch.rays,
@@ -139,8 +140,8 @@ def single_rays(
         draw=lambda key, step, views: batches.draw_rays(
             key, step, views, batch_rays, model.jitters
         ),
-        terms=lambda *arguments: looked(*arguments)[1:],
-        looked=looked,
+        terms=lambda *arguments: values_and_terms(*arguments)[1:],
+        values_and_terms=values_and_terms,
         render=lambda params, rays: model.apply({"params": params["model"]}, rays),
         colours=lambda params, values: values,
     )

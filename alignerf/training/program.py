@@ -114,7 +114,7 @@ def adam_of(job, method) -> train_step.Adam:
         hold_fraction=job.training.hold_fraction,
         cameras=job.learns,
         native=calls.use(job.training.kernels),
-        gathered=method.gathered,
+        running_means=method.running_means,
     )
 
 

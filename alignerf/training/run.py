@@ -33,7 +33,9 @@ class Run:
     views: Any  # after the alignments so far, on the devices
     numbers: dict  # loss, PSNR and others: means over the last steps
     spent_s: float  # seconds of earlier processes, from the checkpoint
-    aside: tuple | None = None  # method and program that learn the cameras, or do not
+    aside: tuple | None = (
+        None  # method and program that learn what the aligner does, or do not
+    )
     started_s: float = dataclasses.field(default_factory=time.perf_counter)
 
     def time_s(self):
@@ -67,7 +69,7 @@ class Run:
         self.views = devices.place(views, self.program.mesh)
 
     def switch(self):
-        """Go on by the program that learns the cameras, or back by the first one."""
+        """Go on by the program that learns besides, or back by the first one."""
         begun, aside = time.perf_counter(), (self.method, self.program)
         self.method, self.program = self.aside or self.learning()
         self.aside = aside
@@ -75,7 +77,7 @@ class Run:
         self.started_s += time.perf_counter() - begun
 
     def learning(self):
-        """(method, program) that learn the cameras too."""
+        """(method, program) that learn besides, as cameras."""
         method, parts = self.aligner.learning_method(), self.program.micro_batches
         shapes = jax.eval_shape(lambda *both: both, self.state.params, self.views)
         # Adam's moments are there already.

@@ -69,7 +69,7 @@ class Adam(NamedTuple):
     hold_fraction: float = 0.0
     cameras: Any = None
     native: bool = False
-    gathered: tuple = ()
+    running_means: tuple = ()
 
     def __call__(self, schedule: Schedule):
         length = {"steps": schedule.steps, "warmup_steps": schedule.warmup_steps}
@@ -77,13 +77,20 @@ class Adam(NamedTuple):
 
 
 def make_optimizer(
-    *, learning_rates, betas, eps, cameras=None, native=False, gathered=(), **schedule
+    *,
+    learning_rates,
+    betas,
+    eps,
+    cameras=None,
+    native=False,
+    running_means=(),
+    **schedule,
 ) -> Any:
     """Adam on the schedule above, whose other arguments are `schedule`'s.
 
     cameras: a `PoseOptimization` where the parameters `cameras` are learnt too; these
     have a schedule of their own and Adam's usual constants. native: whether the kernels
-    are there. gathered: of `methods.Method`.
+    are there. running_means: of `methods.Method`.
     """
     first, last = learning_rates
 
@@ -95,13 +102,8 @@ def make_optimizer(
         fields = resting_natively(fields, rate, betas=betas, eps=eps)
     else:
         fields = resting(fields)
-    if gathered:
-        by_descent = {name: optax.sgd(rate) for name, rate in gathered}
-        return optax.multi_transform(
-            {"fields": fields, **by_descent},
-            lambda params: {n: n if n in by_descent else "fields" for n in params},
-        )
-    if cameras is None:
+    others = {name: optax.sgd(rate) for name, rate in running_means}
+    if cameras is None and not others:
         return fields
 
     def between(step):
@@ -111,12 +113,12 @@ def make_optimizer(
         rate = learning_rate(passed, first=first, last=last, steps=1, warmup_steps=0)
         return jnp.where((passed >= 0) & (passed < 1), rate, 0.0)
 
-    learnt = optax.chain(
-        waiting(optax.scale_by_adam()), optax.scale_by_learning_rate(between)
-    )
+    if cameras is not None:
+        learnt = waiting(optax.scale_by_adam()), optax.scale_by_learning_rate(between)
+        others["cameras"] = optax.chain(*learnt)
     return optax.multi_transform(
-        {"cameras": learnt, "fields": fields},
-        lambda params: {n: "cameras" if n == "cameras" else "fields" for n in params},
+        {"fields": fields, **others},
+        lambda params: {name: name if name in others else "fields" for name in params},
     )
 
 
@@ -264,7 +266,7 @@ def make_step(method, optimizer_of, *, gradient_norm, micro_batches=1, mesh=None
         (loss, shown), grads = gradients.mean(
             method.terms, state.params, *drawn, micro_batches=micro_batches, mesh=mesh
         )
-        grads = clip_per_network(grads, gradient_norm, dict(method.gathered))
+        grads = clip_per_network(grads, gradient_norm, dict(method.running_means))
         nonfinite = count_nonfinite_squares(grads)
 
         def update(state):

@@ -5,6 +5,7 @@ import json
 import jax
 import numpy as np
 import pytest
+from PIL import Image
 
 from alignerf.alignment import loss
 from alignerf.contributions import aligned_loss
@@ -77,9 +78,18 @@ def test_killed_before_or_after_its_look_it_resumes_bit_for_bit(
     assert row["step"] == PLACE
 
 
-@pytest.mark.parametrize("text", ["{", "[]", '{"identity": "x", "report": []}'])
+@pytest.mark.parametrize(
+    "change",
+    [
+        lambda text: text[:9],
+        lambda text: "[]",
+        lambda text: text.replace('"identity": "', '"identity": "x'),
+        lambda text: text.replace("true", '"no"'),
+        lambda text: text.replace('"row": {', '"row": [5], "other": {'),
+    ],
+)
 def test_a_damaged_look_starts_the_training_anew(
-    folder, whole, tmp_path, monkeypatch, caplog, text
+    folder, whole, tmp_path, monkeypatch, caplog, change
 ):
     monkeypatch.setattr(loop, "FETCH_EVERY", 2)
     with monkeypatch.context() as patched:
@@ -87,9 +97,24 @@ def test_a_damaged_look_starts_the_training_anew(
         with pytest.raises(cases.Killed):
             cases.run(folder, tmp_path, SEARCHES)
     (look,) = tmp_path.rglob(loss.FILE)
-    look.write_text(text)
+    assert look.read_text() != change(look.read_text())
+    look.write_text(change(look.read_text()))
     assert cases.run(folder, tmp_path, SEARCHES) == whole[1]
     assert "its alignment is lost, starting anew" in caplog.text
+
+
+def test_a_wall_without_texture_does_not_switch_the_search_on(tmp_path):
+    """Noise alone has a best offset, too, of another length each time."""
+    folder = cases.make_scene(tmp_path, width=64, height=48)
+    rng = np.random.default_rng(1)
+    for path in (folder / "images").glob("*.png"):
+        wall = np.clip(rng.normal(128, 6, (48, 64, 3)), 0, 255)
+        Image.fromarray(wall.astype(np.uint8)).save(path)
+    own = OWN | {"patch_rays": 256, "patch_px": 16}
+    cases.run(folder, tmp_path, cases.JOB | {"aligned_loss": own})
+    (row,) = timing_of(tmp_path)["alignments"]
+    assert row["offset_px"] < 0.4
+    assert not row["searching"]
 
 
 def test_a_search_beyond_the_photos_is_refused(folder, tmp_path):
