@@ -15,7 +15,7 @@ from pathlib import Path
 
 import jax
 
-from alignerf.contributions import patch_conv, search_radius
+from alignerf.contributions import patch_conv
 from alignerf.costs import summary
 from alignerf.experiment import decisions, jobs
 from alignerf.io import atomic, faults, machine
@@ -43,7 +43,6 @@ OPTIONS = {
     "[photos]": "folder of photos (default: the scene's)",
     "[valid]": "folder of <view>.npz with valid pixels",
     "[initial]": "parameters to fine-tune or go on from",
-    "[displacement]": "CSV to take the search radius from",
     "[threads]": faults.THREADS,
     "[sources]": ("hash: other code starts anew", ""),
     "checkpoints": "folder to resume from",
@@ -63,7 +62,7 @@ def main(argv=None):
 
 def run(args):
     """Train and write the results; of several processes only the first writes."""
-    job = with_radius(decisions.read_job(args.config), args.displacement)
+    job = decisions.read_job(args.config)
     if Path(args.timing).is_dir():
         # Else it is said after the training, which is hours.
         raise ValueError(f"{args.timing}: a folder, where a file is to be written")
@@ -155,18 +154,6 @@ def to_truth(loaded: prepared.Scene, truth):
     true, chosen = prepared.read_cameras(f"{truth}/cameras.npz"), loaded.views("train")
     points = pose_error.true_points(loaded, truth, chosen)
     return lambda scene: pose_error.median_px(scene, true, points)
-
-
-def with_radius(job, displacement) -> jobs.Job:
-    """The job with a search radius: its own, or one by the measured misalignment."""
-    if job.stage != "finetune" or job.alignerf.radius_px is not None:
-        return job
-    if displacement is None:
-        raise ValueError("--displacement: radius_px auto needs the measured one")
-    radius_px = search_radius.radius_from(search_radius.read_lengths_px(displacement))
-    log.info("search radius: %d px", radius_px)
-    settings = job.alignerf.model_copy(update={"radius_px": radius_px})
-    return job.changed(alignerf=settings)
 
 
 def weights_digest(job) -> str:

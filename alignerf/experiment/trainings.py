@@ -14,10 +14,10 @@ class Training(NamedTuple):
 
     folder: of its own, below results/SCENE/. job: a `jobs.Job`, its slice of the
     config. photos, cameras: what it learns from. valid: folder of the pixels that count
-    there; None: all do. initial: the parameters that it goes on from. displacement: the
-    CSV that its search radius comes from. truth: the folder its cameras are compared
-    with. after: the trainings that lead to it, whose costs are its own too. flows: the
-    trainings whose training views are rendered and aligned for it.
+    there; None: all do. initial: the parameters that it goes on from. truth: the
+    folder its cameras are compared with. after: the trainings that lead to it, whose
+    costs are its own too. flows: the trainings whose training views are rendered and
+    aligned for it.
     """
 
     scene: str
@@ -27,7 +27,6 @@ class Training(NamedTuple):
     cameras: str
     valid: str | None = None
     initial: str | None = None
-    displacement: str | None = None
     truth: str | None = None
     after: tuple["Training", ...] = ()
     flows: tuple["Training", ...] = ()
@@ -78,7 +77,7 @@ class Training(NamedTuple):
 
     def inputs(self):
         """{name: path} of what it reads besides the scene's own files."""
-        names = ("photos", "cameras", "valid", "initial", "displacement", "truth")
+        names = ("photos", "cameras", "valid", "initial", "truth")
         paths = {name: getattr(self, name) for name in names}
         return {name: path for name, path in paths.items() if path}
 
@@ -120,11 +119,7 @@ def way_to(training, before):
 
 
 def rendered_for(training):
-    """Trainings whose training views are rendered and aligned in the loop to one.
-
-    A training that a search radius is measured on is among them, though it is a row of
-    its own.
-    """
+    """Trainings whose training views are rendered and aligned in the loop to one."""
     flows = (before for one in lead_to(training) for before in one.flows)
     return list(dict.fromkeys(flows))
 

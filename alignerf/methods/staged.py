@@ -33,12 +33,8 @@ class AligNeRF(Keys):
         "of the render and what it was matched with: squared (as printed), or "
         "charbonnier (the baseline's)",
     )
-    radius_px: int | Literal["auto"] = key(
-        8,
-        "largest offset searched; 0 searches none; auto takes it from the displacement "
-        "of the training views after the baseline's first round",
-        least=0,
-        most=64,
+    radius_px: int = key(
+        8, "largest offset searched; 0 searches none", least=0, most=64
     )
     align_penalty: float = key(
         0.01,
@@ -58,9 +54,6 @@ class AligNeRF(Keys):
 class Finetuning(AligNeRF):
     """The settings of one method, with the file that its loss looks through."""
 
-    radius_px: int | None = key(
-        None, "null takes it from the measured misalignment", least=0, most=64
-    )
     frequency_weights: str | None = key(None, "file that the loss looks through")
 
     @property
@@ -124,13 +117,6 @@ class Staged(base.Method):
         settings, model = method["alignerf"], method["model"]
         if method["changes"] == "cameras_then_photos":
             fault(f"{where}.changes", "a staged training has no round to warp photos")
-        if settings["radius_px"] == "auto":
-            if methods.moves(method):
-                what = "radius_px auto is measured before cameras are corrected"
-                fault(f"{where}.{'adjust' if method['adjust'] else 'changes'}", what)
-            if not methods.has_scratch(config["methods"].values(), model):
-                what = f"auto needs a method of model {model!r} without alignerf"
-                fault(f"{where}.alignerf.radius_px", what)
         for other, chosen in config["methods"].items():
             theirs = chosen["model"] == model and chosen["alignerf"]
             if theirs and theirs["pretrain_fraction"] != settings["pretrain_fraction"]:
@@ -149,10 +135,6 @@ class Staged(base.Method):
         if self.moves(method, None):
             more["cameras"] = trainings.corrected(pretrained)
             flows.append(pretrained)
-        if method["alignerf"]["radius_px"] == "auto":
-            measured = experiment.at(scene, experiment.baseline(name), 0)
-            more["displacement"] = measured.path.lengths("train")
-            flows.append(measured)
         job = self.finetuning(experiment, scene, name)
         more |= {"initial": pretrained.model, "after": (pretrained,)}
         more["flows"] = tuple(flows)
@@ -170,8 +152,6 @@ class Staged(base.Method):
         weighs = chosen["frequency_weight"] > 0
         weights = experiment.config["frequency_weights"] if weighs else None
         chosen["frequency_weights"] = weights
-        if chosen["radius_px"] == "auto":
-            chosen["radius_px"] = None
         job = trainings.common(experiment, scene, name)
         return schema.check(Finetune, job | {"alignerf": chosen})
 

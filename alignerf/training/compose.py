@@ -61,10 +61,10 @@ def without_cameras(job: jobs.Job, *, to_train, learning=False) -> methods.Metho
 
 
 def make_loss(chosen: staged.Finetuning, *, to_train) -> methods.Loss:
-    """The loss of fine-tuning; without a radius yet (see `train`), one of 0."""
+    """The loss of fine-tuning."""
     return methods.Loss(
         error=chosen.error,
-        radius_px=chosen.radius_px or 0,
+        radius_px=chosen.radius_px,
         align_penalty=chosen.align_penalty,
         frequency_weight=chosen.frequency_weight,
         frequency_features=frequency_features(chosen) if to_train else None,

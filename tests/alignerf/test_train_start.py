@@ -76,24 +76,6 @@ def colours_of(method, params):
     return np.asarray(look(jax.tree.map(jnp.asarray, params)))
 
 
-def test_a_search_radius_comes_from_the_displacement(
-    folder, pretrained, tmp_path, capsys, caplog
-):
-    job = cases.in_stage("finetune", radius_px=None)
-    more = ("--initial", str(pretrained("grid")[1]))
-    assert "--displacement" in cases.stops(
-        capsys, lambda: cases.run(folder, tmp_path, job, *more)
-    )
-    measured = tmp_path / "displacement.csv"
-    measured.write_text("view,p95_px\na,1.2\nb,2.3\n")
-    more += ("--displacement", str(measured))
-    caplog.set_level("INFO", "alignerf")
-    found = cases.run(folder, tmp_path / "auto", job, *more)
-    assert "search radius: 3 px" in caplog.text
-    fixed = cases.in_stage("finetune", radius_px=3)
-    assert cases.run(folder, tmp_path / "fixed", fixed, *more[:2]) == found
-
-
 def test_a_warm_start_begins_with_the_parameters_given(
     folder, uninterrupted, tmp_path, monkeypatch
 ):

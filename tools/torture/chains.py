@@ -39,7 +39,7 @@ methods:
   learnt: { pose_optimization: {} }
   aligned: { align: { estimator: dis_fine, min_move_px: 0 } }
   alignerf:
-    alignerf: { patches: 2, patch_px: 16, radius_px: auto, features: 4 }
+    alignerf: { patches: 2, patch_px: 16, radius_px: 4, features: 4 }
 training: { steps: 60, batch_rays: 128 }
 flow: { estimator: dis_fine, tolerance_px: 4.0 }
 """

@@ -33,7 +33,7 @@ def test_work_lists_what_is_trained_in_an_order_that_runs(demo, experiment_of):
         "once": {"model": "base", "rounds": 1},
         "moved": {"model": "base", "rounds": 1, "changes": "cameras"},
         "warm": {"model": "base", "rounds": 1, "warm_start": {"from": "once"}},
-        "alignerf": {"model": "base", "alignerf": {"radius_px": "auto"}},
+        "alignerf": {"model": "base", "alignerf": {}},
         "corrected": {"model": "large", "alignerf": {}, "changes": "cameras"},
         "auto": {"model": "large", "rounds": "auto", "max_rounds": 3},
     }
@@ -46,7 +46,7 @@ def test_work_lists_what_is_trained_in_an_order_that_runs(demo, experiment_of):
         "once/round1": ["once/round0"],
         "moved/round1": ["once/round0"],
         "warm/round1": ["once/round0"],
-        "alignerf/round0": ["pretrain/base", "once/round0"],
+        "alignerf/round0": ["pretrain/base"],
         "corrected/round0": after["corrected/round0"],
         "auto/round0": [],
         **{f"auto/round{k}": [f"auto/round{k - 1}"] for k in (1, 2, 3)},

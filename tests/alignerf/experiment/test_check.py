@@ -54,7 +54,7 @@ def edit(config, where, value):
         (
             "methods.alignerf.alignerf.radius_px",
             -1,
-            "radius_px: -1 should be greater .* 'auto'",
+            "radius_px: -1 should be greater",
         ),
         ("regimes", "../x", "regimes: '../x' should match"),
         ("methods.images", {"model": "base", "rounds": 0}, "methods.images: a folder"),
@@ -93,16 +93,6 @@ def edit(config, where, value):
             "methods.aligned",
             {"model": "base", "align": {"cameras_at": [1.0]}},
             "methods.aligned.align.cameras_at.0: 1.0 should be less .* 0.99",
-        ),
-        (
-            "methods.moved",
-            {"model": "base", "changes": "cameras", "alignerf": {"radius_px": "auto"}},
-            "methods.moved.changes: radius_px auto is measured before",
-        ),
-        (
-            "methods.moved",
-            {"model": "base", "adjust": True, "alignerf": {"radius_px": "auto"}},
-            "methods.moved.adjust: radius_px auto is measured before",
         ),
         ("small", False, "small: false needs full_size"),
         ("full_size", {"sed": 1}, "full_size: 'sed' is no key .*'seed'"),

@@ -162,9 +162,6 @@ def test_training_views_are_followed_where_something_comes_from_them(
     assert found == always | {"base/round0", "warm/round1"}
     del demo["methods"]["warm"]
     assert experiment_of(demo).followed("courtyard") == always
-    demo["methods"]["fixed"]["alignerf"]["radius_px"] = "auto"
-    found = experiment_of(demo).followed("courtyard")
-    assert found == always | {"base/round0"}
     # Where a method aligns itself, the verdict looks at the reference's.
     demo["methods"] = {"base": {"model": "base"}}
     demo["reference"] = {"method": "base"}

@@ -168,29 +168,6 @@ def test_a_scene_depends_on_its_own_source_only(demo, tmp_path, experiment_of):
     assert "colmap" not in keys["true"]
 
 
-def test_a_radius_is_measured_where_it_is_asked_for(demo, experiment_of):
-    demo["methods"]["alignerf"]["alignerf"]["radius_px"] = "auto"
-    experiment = experiment_of(demo)
-    measured = "results/courtyard/mipnerf360/round0/displacement/train.csv"
-    found = experiment.at("courtyard", "alignerf", 0)
-    assert found.displacement == measured
-    job = {"training": "alignerf/round0"}
-    options = cases.options("train", experiment, "courtyard", **job)
-    assert options["displacement"] == measured
-    assert experiment.at("courtyard", "mipnerf360", 0).displacement is None
-    job = {"training": "mipnerf360/round0"}
-    options = cases.options("train", experiment, "courtyard", **job)
-    assert "displacement" not in options
-    assert found.job.alignerf.radius_px is None
-    # What measured it counts, and its training does not.
-    assert [one.folder for one in trainings.rendered_for(found)] == [
-        "mipnerf360/round0"
-    ]
-    assert "mipnerf360/round0" not in [one.folder for one in trainings.lead_to(found)]
-    *_, row = rows.collected(experiment, "courtyard", [("alignerf", 0)])
-    assert row.flows == ["mipnerf360/round0"]
-
-
 def test_a_warm_start_goes_on_from_the_round_before(demo, experiment_of):
     demo["methods"]["warm"] = {"model": "base", "rounds": 2, "warm_start": WARM}
     experiment = experiment_of(demo)

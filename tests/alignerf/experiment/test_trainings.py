@@ -18,7 +18,7 @@ METHODS = {
     "warm": {"model": "base", "rounds": 2, "warm_start": WARM},
     "learnt": {"model": "base", "pose_optimization": {}},
     "aligned": {"model": "base", "align": {}},
-    "staged": {"model": "base", "alignerf": {"radius_px": "auto"}},
+    "staged": {"model": "base", "alignerf": {}},
     "between": {"model": "base", "alignerf": {}, "changes": "cameras"},
 }
 
@@ -123,9 +123,7 @@ def test_the_way_to_a_training_is_in_its_order(experiment):
     assert way("aligned", 0) == [["aligned/round0"]] * 2
     own = ["pretrain/base", "between/round0"]
     assert way("between", 0) == [own, own]
-    # A search radius is measured on a training that is no part of the way.
-    own = ["pretrain/base", "staged/round0"]
-    assert way("staged", 0) == [own, ["pretrain/base", "plain/round0", own[-1]]]
+    assert way("staged", 0) == [["pretrain/base", "staged/round0"]] * 2
 
 
 def test_none_of_a_scenes_trainings_stands_before_what_it_needs(experiment):
@@ -152,8 +150,7 @@ def test_what_a_training_took_is_told_by_the_way_to_it(experiment):
     assert told("moved", 1) == [[first, "moved/round1"], [first], [first]]
     before = ["pretrain/base"]
     assert told("between", 0) == [[*before, "between/round0"], before, before]
-    # Renders and flow that a radius is measured on count, their training does not.
-    assert told("staged", 0) == [[*before, "staged/round0"], [first], []]
+    assert told("staged", 0) == [[*before, "staged/round0"], [], []]
 
 
 def test_training_views_are_rendered_where_they_are_looked_at(demo, experiment_of):
