@@ -184,7 +184,9 @@ class Look(loop.NoAligner):
             costs = jnp.sum(sums, 0) / jnp.maximum(jnp.sum(rays, 0), 1.0)[:, None, None]
             found_px = aligned_loss.lengths_px(offsets_of(costs, chosen))
             median_px = jnp.nanmedian(jnp.where(known, found_px, jnp.nan))
-            return costs, jnp.nan_to_num(median_px), jnp.sum(known)
+            # Where no tile can tell, nothing is moved.
+            median_px = jnp.where(jnp.any(known), median_px, 0.0)
+            return costs, median_px, jnp.sum(known)
 
         totals = (
             jnp.zeros((2, count, tiles.side, tiles.side)),

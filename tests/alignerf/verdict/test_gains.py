@@ -25,6 +25,7 @@ MOVES = {
     "warm": (ONE | {"rounds": 1, "warm_start": WARM}, ["", "p"]),
     "staged": (ONE | {"alignerf": {}}, [""]),
     "between": (ONE | {"alignerf": {}, "changes": "cameras"}, ["c"]),
+    "searched": (ONE | {"aligned_loss": {}}, [""]),
     "learnt": (ONE | {"pose_optimization": {}}, ["c"]),
     "adjusted_poses": (ONE | {"adjust": True}, ["c"]),
     "aligned": (ONE | {"align": {}}, ["cp"]),
