@@ -305,11 +305,13 @@ def test_gains_are_of_as_many_steps_and_of_as_many_seconds():
         for test_set in ("oracle", "warped")
         for view in (0, 1, 2)
     ]
-    args = argparse.Namespace(steps=2000)
+    lines = [line | {"rays_seen": 600} for line in lines]
+    args = argparse.Namespace(steps=2000, pixels=300)
     rows = list(reproduction.budget_of(pd.DataFrame(lines), args))
     plain, other, _, long = rows
     assert (plain["psnr_db"], plain["seconds"], plain["seeds"]) == (22, 10, 2)
     assert "steps_db" not in plain
+    assert plain["epochs"] == 2
     gains = ("steps_db", "warped_db", "seconds_db")
     assert [other[name] for name in gains] == pytest.approx([1, 1, 0])
     # Nobody trained the plain one for 80 s.
