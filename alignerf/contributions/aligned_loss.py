@@ -98,11 +98,11 @@ def with_photo_around(batch, views, tiles: Tiles, is_valid) -> Batch:
     counts = is_valid(views, batch.view[:, None, None], rows, columns)
     of_view = (y * tiles.rows // h) * tiles.columns + x * tiles.columns // w
     return Batch(
-        **{
-            name: getattr(batch, name)
-            for name in Batch._fields
-            if name in batch._fields
-        },
+        view=batch.view,
+        rays=batch.rays,
+        jitter=batch.jitter,
+        photo=batch.photo,
+        weight=batch.weight,
         tile=batch.view * tiles.rows * tiles.columns + of_view,
         around=jax.vmap(window)(batch.view, top, left),
         counts=counts.astype(jnp.uint8),

@@ -19,8 +19,6 @@ from alignerf.training import batches, checkpoint, compose, loop, memory, progra
 
 # Steps are timed so long.
 TIMING_S = 3.0
-# In place of one that is measured when the flow is: that program is compiled anew.
-RADIUS_PX = 4
 
 
 OPTIONS = {
@@ -37,9 +35,6 @@ def main(argv=None):
     devices.take_accelerator()
     started = time.time() if args.started is None else args.started
     job = jobs.parse(jobs.read(args.config))
-    if job.stage == "finetune" and job.alignerf.radius_px is None:
-        settings = job.alignerf.model_copy(update={"radius_px": RADIUS_PX})
-        job = job.changed(alignerf=settings)
     if program.hashed(job.model):
         devices.use_as_devices()
     print(json.dumps(rates_of(job, prepared.load(args.scene), started)._asdict()))

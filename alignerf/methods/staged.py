@@ -131,13 +131,11 @@ class Staged(base.Method):
         # No model's name has a point.
         folder = f"pretrain/{method['model']}{'.adjusted' * bool(more)}"
         pretrained = once(trainings.from_photos(scene, folder, job, **more))
-        flows = []
         if self.moves(method, None):
             more["cameras"] = trainings.corrected(pretrained)
-            flows.append(pretrained)
+            more["flows"] = (pretrained,)
         job = self.finetuning(experiment, scene, name)
         more |= {"initial": pretrained.model, "after": (pretrained,)}
-        more["flows"] = tuple(flows)
         return [once(trainings.from_photos(scene, f"{name}/round0", job, **more))]
 
     def pretraining(self, experiment, scene, name):

@@ -33,9 +33,7 @@ class Run:
     views: Any  # after the alignments so far, on the devices
     numbers: dict  # loss, PSNR and others: means over the last steps
     spent_s: float  # seconds of earlier processes, from the checkpoint
-    aside: tuple | None = (
-        None  # method and program that learn what the aligner does, or do not
-    )
+    aside: tuple | None = None  # the other method and program, see `switch`
     started_s: float = dataclasses.field(default_factory=time.perf_counter)
 
     def time_s(self):

@@ -39,26 +39,24 @@ def test_it_says_what_its_look_found(whole):
     assert 0 < row["time_s"] < timing_of(whole[0])["train_time_s"]
 
 
-def test_what_it_gathers_is_no_parameter_of_the_model(folder, whole, tmp_path):
-    cases.run(folder, tmp_path, cases.JOB)
-    ours, plain = timing_of(whole[0]), timing_of(tmp_path)
+def test_what_it_gathers_is_no_parameter_of_the_model(whole, uninterrupted):
+    ours, plain = timing_of(whole[0]), timing_of(uninterrupted)
     assert ours["params"] == plain["params"]
     assert np.array(cases.params_of(whole[0])["costs"]).any()
 
 
-def test_where_photos_are_not_off_it_is_plain_to_the_bit(folder, tmp_path):
-    outs = [tmp_path / name for name in ("own", "plain")]
-    for out, job in zip(outs, (STAYS, cases.JOB), strict=True):
-        cases.run(folder, out, job)
-    assert not timing_of(outs[0])["alignments"][0]["searching"]
-    own, plain = map(cases.params_of, outs)
+def test_where_photos_are_not_off_it_is_plain_to_the_bit(
+    folder, uninterrupted, tmp_path
+):
+    cases.run(folder, tmp_path, STAYS)
+    assert not timing_of(tmp_path)["alignments"][0]["searching"]
+    own, plain = map(cases.params_of, (tmp_path, uninterrupted))
     assert not np.array(own.pop("costs")).any()
     jax.tree.map(np.testing.assert_array_equal, own, plain)
 
 
-def test_searching_is_another_training(folder, whole, tmp_path):
-    cases.run(folder, tmp_path, cases.JOB)
-    own, plain = cases.params_of(whole[0]), cases.params_of(tmp_path)
+def test_searching_is_another_training(whole, uninterrupted):
+    own, plain = cases.params_of(whole[0]), cases.params_of(uninterrupted)
     assert not np.array_equal(
         *(np.ravel(jax.tree.leaves(tree["model"])[0]) for tree in (own, plain))
     )

@@ -113,8 +113,8 @@ def check_part(experiment):
     if training.job.ours:
         part = base.part_of(training.job)
         assert isinstance(part, base.Part)
-        if training.job.moves:
-            assert type(part) is not base.Part
+        assert bool(training.job.part) == (type(part) is not base.Part)
+        assert training.job.part or not training.job.moves
 
 
 def check_keys(record):
