@@ -1,4 +1,5 @@
-# make run                        diagnose the demo scene, in 4 minutes on two cores
+# make run                        the paper's analysis in small, and a diagnosis, in 6
+#                                 minutes on two cores
 # make photos FOLDER=my_photos    train on your photos or video, and diagnose the result
 # make poses FOLDER=my_scan       check the cameras that came with photos, and adjust them;
 #                                 nothing is trained

@@ -1,13 +1,18 @@
-# Why a NeRF or a splat is blurry, and AligNeRF (CVPR 2023): from photos to tables.
+# AligNeRF (CVPR 2023), reproduced: from photos to tables. And why a NeRF or a splat is
+# blurry.
 #
 #   snakemake --cores N                    make every scene of the default config
+#   snakemake --cores N table1             make a table of the paper: table1 to table4
+#   snakemake --cores N figures            draw the paper's figures, the moving arm too
+#   snakemake --cores N tradeoff           compare what settings cost and bring
+#   snakemake --cores N paper              make all of these, in hours of a CPU core
+#   snakemake --cores N table1 --config small=false     at the paper's size
+#   snakemake --cores N table3 fox_small   make a table of one of its scenes
 #   snakemake --cores N courtyard          make one scene
 #   snakemake --cores N preview            print what it will cost, before any training
 #   snakemake --cores N export             write cameras and photos for other programs
-#   snakemake --cores N comparison         compare all methods: Tables 2 and 3
-#   snakemake --cores N regimes            show when each part of AligNeRF pays
+#   snakemake --cores N comparison         compare all methods
 #   snakemake --cores N remedies           compare all fixes at equal training time
-#   snakemake --cores N tradeoff           compare what settings cost and bring
 #   snakemake --cores N download_360_v2    download the paper's scenes (17 GB)
 # All targets: snakemake --list-target-rules. All rules: snakemake --list.
 # Another config, after the target, since --configfile takes all words that follow:
@@ -23,7 +28,17 @@ from snakemake.utils import min_version
 
 from alignerf.costs import plan as costs
 from alignerf.costs import requests
-from alignerf.experiment import check, cluster, layout, plan, sources, steps, targets
+from alignerf.experiment import (
+    asked,
+    check,
+    cluster,
+    layout,
+    plan,
+    shipped,
+    sources,
+    steps,
+    targets,
+)
 from alignerf.experiment.checks import fetched, results
 from alignerf.experiment.tables import scenes
 
@@ -33,29 +48,33 @@ min_version("9.0")
 gc.set_threshold(1_000_000)
 
 
-# Not merged with a config of the user's: that one differs from the defaults, not from
-# the demo.
-if not workflow.overwrite_configfiles:
+# The words of the command line: of the run's own process, not of its jobs', which make
+# what they are told to.
+words = [] if workflow.is_main_process else None
+if workflow.is_main_process and "snakemake" in sys.argv[0].split("/")[-2:]:
+    words = get_argument_parser().parse_known_args()[0].targets
 
-    configfile: workflow.source_path("workflow/config/demo.yaml")
-
-
+# A config of the user's differs from the defaults, and not from one that is shipped.
 files = workflow.overwrite_configfiles
-config = check.or_exit(check.checked, config, files)
+given = {"": config} if files else check.or_exit(shipped.configs, config)
 # Whether a method with `rounds: auto` goes on is known once rule `decide` has run.
-experiment = plan.Experiment(
-    config,
+experiments = check.or_exit(
+    shipped.experiments,
+    given,
+    files,
     lambda **place: plan.goes_on(
         cluster.here(checkpoints.decide.get(**place).output[0])
     ),
+    words,
 )
-check.or_exit(check.named, files, plan.check_equal, experiment)
-export_by = targets.export_command(workflow.overwrite_configfiles)
-sources.set_environment(experiment.captures(), export_by)
+wanted = check.or_exit(asked.Asked.of, experiments, words)
+export_by = targets.export_command(files)
+sources.set_environment(wanted.captures, export_by)
 
 # Of the rules: their jobs, patterns of their paths, and what they run.
-step = steps.Rules(experiment, local, requests)
+step = steps.Rules(experiments, local, requests)
 scene, training = layout.Scene("{scene}"), layout.training("{scene}", "{training}")
+tables = scenes.across(experiments, wanted.narrowed)
 RUN = "python -m {params.command:q} 2>&1 | tee {log:q}"
 RUN_IN_THREADS = "python -m {params.command:q} --threads {threads} 2>&1 | tee {log:q}"
 
@@ -64,9 +83,9 @@ report: "workflow/report/workflow.rst"
 
 
 wildcard_constraints:
-    scene=plan.one_of(experiment.scenes),
-    method=plan.one_of(experiment.methods),
-    training=plan.folders(experiment),
+    scene=plan.one_of(experiments.scenes),
+    method=plan.one_of(experiments.methods),
+    training=plan.folders(experiments.by_name.values()),
     round=r"0|[1-9]\d*",
     split="train|test",
 
@@ -85,31 +104,52 @@ rule all:
     """Make every scene: tables, figures, verdict and page"""
     default_target: True
     input:
-        [targets.of_scene(experiment, name) for name in experiment.captures()],
+        lambda w: check.or_exit(targets.of_run, experiments),
+
+
+rule figures:
+    """Draw the paper's figures: flow, rounds, crops, the moving arm"""
+    input:
+        targets.of_figures(experiments, wanted.narrowed),
+
+
+rule paper:
+    """Make the paper's tables and figures, and the trade of speed for accuracy"""
+    input:
+        [
+            file
+            for table in tables
+            if table.name in shipped.NAMES
+            for file in table.files()
+        ],
+        targets.of_figures(experiments, wanted.narrowed),
 
 
 every = [r.name for r in workflow.rules]
-check.or_exit(check.named, files, check.check_free, experiment.scenes, every)
-check.or_exit(results.check_folders, experiment.scenes, experiment.methods)
+check.or_exit(check.named, files, check.check_free, experiments.scenes, every)
+check.or_exit(results.check_folders, wanted.scenes, experiments.methods)
 # Snakemake has a rule's output where its storage keeps it, if it is told of one.
-check.or_exit(cluster.link, experiment.scenes, rules.config.output[0])
+check.or_exit(cluster.link, wanted.scenes, rules.config.output[0])
 
 
-# What cannot be written to, and what a killed run has half written.
+# What cannot be written to, and what a killed run has half written. Jobs elsewhere write
+# what this run's process has looked at.
 onstart:
-    check.or_exit(results.check_writable, experiment.scenes, experiment.methods)
-    targets.tidy(experiment.scenes)
-    check.or_exit(
-        results.claim, experiment.scenes, targets.replaced(experiment, workflow.dag)
-    )
+    if workflow.is_main_process:
+        check.or_exit(results.check_writable, wanted.scenes, experiments.methods)
+        targets.tidy(wanted.scenes)
+        check.or_exit(
+            results.claim,
+            wanted.scenes,
+            targets.replaced(experiments, workflow.dag),
+        )
 
 
-# The last lines of a run: what is wrong with each scene, and what to do. Not those of a
-# run before, where only its cost is asked for.
+# The last lines of a run: its tables, what is wrong with each scene, and what to do. Not
+# those of a run before, where only its cost is asked for.
 onsuccess:
     if "preview" not in workflow.dag_settings.targets:
-        told = experiment.captures(), export_by * targets.can_export(experiment)
-        print(*check.or_exit(targets.verdicts, *told), sep="\n")
+        print(*check.or_exit(wanted.last_words, export_by), sep="\n")
 
 
 # What stopped it comes after all that Snakemake says of it.
@@ -117,18 +157,16 @@ onerror:
     targets.say_in_the_end(targets.causes(log))
 
 
-# One target for each scene, named like it.
-for scene_name in experiment.scenes:
+# One target for each scene that runs or is asked for, named like it. Beside a table it
+# narrows the table.
+for scene_name in wanted.scenes:
 
     rule:
         """Make this scene: tables, figures, verdict and page"""
         name:
             scene_name
         input:
-            targets.of_scene(experiment, scene_name),
+            wanted.of_scene(scene_name),
 
 
-# Snakemake has its targets only once this file is read; they are in its command line.
-if workflow.is_main_process and "snakemake" in sys.argv[0].split("/")[-2:]:
-    asked, _ = get_argument_parser().parse_known_args()
-    check.or_exit(targets.check_asked, asked.targets, experiment.scenes, every)
+check.or_exit(wanted.check, every)

@@ -11,7 +11,7 @@ its three contributions         `contributions`: patch_conv, align_loss, frequen
 staged training                 `training`
 misalignment analysis           the package `flow`
 learning poses (CamP, BARF)      `cameras`
-Tables 1 and 4, their controls  `tables`: misalignment, controls, ranking, regimes, ...
+Tables 1 and 4, their controls  `tables`: misalignment, controls, ranking, effects, ...
 PSNR, SSIM, LPIPS               `metrics`, on `networks` with published weights
 images, cameras, the truth      `scenes`, the embedded scene in `scenes.courtyard`
 what other programs are given   `exports`

@@ -67,6 +67,7 @@ def main(config, out, whole=None, cameras=None, places=None, adjust=False):
     with atomic.scratch_folder(out) as scratch:
         full, told, scene = capture.read(config, scratch)
         told["downscale_decided"] = config["downscale"] == "auto"
+        told["perturb_by"] = config["perturb_by"]
         full = mistakes.stated(prepare.sort_by_name(full), config)
         given = for_training(full, config)
         prepared.check_views(where, given)
@@ -162,9 +163,12 @@ def for_training(views, config):
 
 
 def perturbed(views, config):
-    """Their poses [n, 3, 4] with an error of the config's `perturb_px`."""
+    """Their poses [n, 3, 4] with the config's error: `perturb_px` by `perturb_by`."""
     poses, rng = views.camtoworlds, np.random.default_rng([config["seed"], 1])
-    return cameras.perturb_poses(poses, views.pixtocams, config["perturb_px"], rng)
+    px, by, points = config["perturb_px"], config["perturb_by"], views.points
+    return cameras.perturb_poses(
+        poses, views.pixtocams, px, rng, by, points and points[0]
+    )
 
 
 def check_cameras(full, scratch, config, adjust):

@@ -24,6 +24,7 @@ OPTIONS = {
     "scene": ("its results' folder", Path),
     "tables": ("which", {"choices": TABLES} | faults.SEVERAL),
     "[published]": ("CSV, as printed", {"nargs": "*", "default": []}),
+    "[called]": "what papers call the scene",
     "[configs]": ("YAML: the scene's complete config", {"nargs": "*", "default": []}),
     "out": ("folder, written into", Path),
 }
@@ -35,7 +36,7 @@ def main(argv=None):
     printed = [
         line
         for path in args.published
-        for line in misalignment.published(path, args.scene.name)
+        for line in misalignment.published(path, args.called)
     ]
     made = {}
     for name in args.tables:

@@ -1,6 +1,7 @@
 """What tables are made of: rows in memory, and a scene's files that they come from."""
 
 import json
+import re
 from pathlib import Path
 
 import numpy as np
@@ -101,6 +102,30 @@ def cells(tex):
     lines = [line for line in body.splitlines() if "&" in line]
     rows = [line.strip().removesuffix(r"\\").split("&") for line in lines]
     return [[cell.strip() for cell in row] for row in rows]
+
+
+def check_document(tex):
+    """That LaTeX compiles, as far as its text says; returns its table's columns."""
+    text = re.sub(r"(?m)^%.*", "", tex)
+    assert text.count(r"\begin{document}") == 1
+    opened = []
+    for what, name in re.findall(r"\\(begin|end)\{(\w+)\}", text):
+        if what == "begin":
+            opened.append(name)
+        else:
+            assert opened.pop() == name
+    assert opened == []
+    depth = 0
+    for brace in re.findall(r"(?<!\\)[{}]", text):
+        depth += 1 if brace == "{" else -1
+        assert depth >= 0
+    assert depth == 0
+    columns = len(re.search(r"\\begin\{tabular\}\{(\w+)\}", text)[1])
+    lines = [line for line in text.splitlines() if line.endswith(r"\\")]
+    for line in lines:
+        wide = sum(int(n) - 1 for n in re.findall(r"\\multicolumn\{(\d+)\}", line))
+        assert len(re.findall(r"(?<!\\)&", line)) + 1 + wide == columns, line
+    return columns
 
 
 def put(path, content):

@@ -115,6 +115,7 @@ class Evidence(NamedTuple):
     # Whether the poses came with the photos, and the error that was put into them.
     poses_given: bool = False
     perturb_px: float = 0.0
+    perturb_by: str = "rotation"
     # At the photos' own size; None without.
     crops: Crops | None = None
     # Of renders of another program; None of ours.

@@ -1,4 +1,4 @@
-"""Diagnose the demo, a scene that is built in: `make run`."""
+"""Run the demo, the paper's analysis on a built-in scene: `make run`."""
 
 import sys
 

@@ -12,7 +12,7 @@ from pathlib import Path
 
 from alignerf.captures import typed
 from alignerf.cli import configs, folders, workflow
-from alignerf.experiment import targets
+from alignerf.experiment import shipped, targets
 from alignerf.io import faults, machine, provenance
 
 
@@ -25,7 +25,7 @@ def main(argv=None):
     check_judged(path, scenes.values())
     print(f"config: {faults.one_line(str(path))}", flush=True)
     overrides = [f"export_width_px={args.width}"] if args.width else []
-    named = None if path == targets.DEMO else path
+    named = None if path == shipped.DEMO else path
     with configs.held(path.stem, *scenes):
         code = workflow.run(named, args.cores, "export", overrides=overrides)
     if code:
@@ -46,7 +46,7 @@ def config_of(name):
         if path.is_file():
             return path
     if is_demos(name):
-        return targets.DEMO
+        return shipped.DEMO
     photos = provenance.typed(*configs.PHOTOS)
     known = sorted(one.stem for one in Path("results").glob("*.yaml"))
     known += filter(is_demos, targets.demo_scenes())
@@ -61,7 +61,7 @@ def config_of(name):
 
 def is_demos(name):
     """Whether results/NAME was made by the demo's config."""
-    made, demo = Path("results", name, "config.yaml"), configs.read(targets.DEMO)
+    made, demo = Path("results", name, "config.yaml"), configs.read(shipped.DEMO)
     if name not in demo["scenes"] or not made.is_file():
         return False
     methods = configs.read(made).get("methods")

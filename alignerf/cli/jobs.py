@@ -26,7 +26,7 @@ NAMES = {
     "control_sets": "controls of the warped test photos",
     "collect": "scores and costs",
     "tables": "table",
-    "figures": "figures",
+    "draw": "figures",
     "verdict": "verdict",
     "page": "page",
     "export_folder": "{}: files for other programs",

@@ -19,7 +19,7 @@ from pathlib import Path
 import psutil
 
 from alignerf.cli import configs, light, report
-from alignerf.experiment import sources, targets
+from alignerf.experiment import asked, shipped, sources, targets
 
 LOGS, KEPT = Path("results/logs"), 10
 OURS = re.compile(r"run-\d{8}-\d{6}-\d+\.log")
@@ -40,7 +40,8 @@ def run(path, cores, *wanted, overrides=(), forced=(), first=()):
     files that are made anew. first: files that come before all others, with what they
     need.
     """
-    scenes = configs.read(path or targets.DEMO)["scenes"]
+    config = configs.read(path or shipped.DEMO)
+    scenes = config["scenes"]
     captures = list(scenes)
     if path and light.takes(path):
         code = light.run(path, cores, wanted, overrides, forced)
@@ -54,7 +55,9 @@ def run(path, cores, *wanted, overrides=(), forced=(), first=()):
     if code == 0 and (not wanted or "all" in wanted):
         exports = any(map(configs.can_export, scenes.values()))
         export = exports and targets.export_command([path] if path else [])
-        print("\n".join(targets.verdicts(captures, export=export)), flush=True)
+        printed = config.get("published_table") and asked.of_table(targets.COMPARISON)
+        lines = [*(printed or ()), *targets.verdicts(captures, export=export)]
+        print("\n".join(lines), flush=True)
     return code
 
 

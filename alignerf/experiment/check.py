@@ -1,6 +1,7 @@
 """The config's check, before anything is planned: a fault is one line with its key."""
 
 import os
+import sys
 from pathlib import Path
 
 from alignerf import methods
@@ -25,17 +26,19 @@ or_exit = faults.or_exit
 check_free = names.check_free
 # How a fault begins, as of `checks.common.fault`, where no file is known.
 NO_FILE = "config: "
+# Warnings of this process.
+TOLD = set()
 
 
-def checked(config, files=()):
+def checked(config, files=(), tell=True):
     """The complete config: checked, and every key that it leaves out filled.
 
-    config: what YAML made of `files`, merged. Raises ValueError, naming the key and
-    the files.
+    config: what YAML made of `files`, merged. tell: whether to warn of weights that are
+    not there. Raises ValueError, naming the key and the files.
     """
     for path in files:
         yaml_files.read(path)
-    return named(files, complete, config)
+    return named(files, complete, config, tell)
 
 
 def named(files, function, *arguments):
@@ -50,7 +53,7 @@ def named(files, function, *arguments):
         raise ValueError(text) from None
 
 
-def complete(config):
+def complete(config, tell=True):
     """The same of a config whose files have been read."""
     if not isinstance(config, dict):
         fault("top level", "a config is a mapping of keys")
@@ -74,7 +77,7 @@ def complete(config):
     scenes.check_crops(config, in_loop)
     names.check_published(config)
     check_flow(config["flow"], config["methods"])
-    check_weights(config)
+    leave_out_weights(config, tell)
     results.check_apart(config)
     return config
 
@@ -157,11 +160,23 @@ def check_flow(flow, methods):
             )
 
 
-def check_weights(config):
-    """Files of weights are there."""
-    files = {f"lpips.{net}": path for net, path in config["lpips"].items()}
-    files["frequency_weights"] = config["frequency_weights"]
-    for key, path in files.items():
+def leave_out_weights(config, tell):
+    """Without files of weights that are not there; each is told once."""
+
+    def missing(key, path, instead):
         there = is_there(path or "", of_kind=Path.is_file)
-        if path and not (there or fetched.by_rule(path)):
-            fault(key, f"{path} does not exist")
+        if path is None or there or fetched.by_rule(path):
+            return False
+        line = f"{key}: {path} does not exist: {instead}"
+        if tell and line not in TOLD:
+            TOLD.add(line)
+            print(f"warning: {line}", file=sys.stderr)
+        return True
+
+    for net, path in list(config["lpips"].items()):
+        if missing(f"lpips.{net}", path, f"no column lpips_{net}"):
+            del config["lpips"][net]
+    path = config["frequency_weights"]
+    instead = "the high-frequency loss takes derivative filters, not VGG-19"
+    if missing("frequency_weights", path, instead):
+        config["frequency_weights"] = None

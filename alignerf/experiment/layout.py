@@ -66,7 +66,7 @@ class Scene(Folder):
         return super().__new__(cls, f"{RESULTS}/{name}")
 
     def scores(self, table=""):
-        """Scores of the scene's tables, or of a table across scenes (`regimes/`)."""
+        """Scores of the scene's tables, or of a table across scenes (`remedies/`)."""
         return f"{self}/{table}scores.csv"
 
     def trainings(self, table=""):

@@ -51,6 +51,10 @@ class Experiment:
         # Methods whose trainings are being made.
         self.making = set()
 
+    def of(self, scene):
+        """The experiment of a scene, as of `Experiments`."""
+        return self
+
     @kept
     def names(self, what, known=True):
         """Methods whose record has an attribute (or not), in the config's order."""
@@ -184,13 +188,25 @@ class Experiment:
         return [
             (name, k)
             for name in self.trained()
+            if self.is_scored(scene, name)
             for k in range(self.last_round(scene, name) + 1)
             if self.at(scene, name, k).folder == f"{name}/round{k}"
         ]
 
+    def is_scored(self, scene, method):
+        """Whether a method has a row at a scene's length of training."""
+        lengths, share = self.methods[method]["lengths"], self.share(scene)
+        return lengths is None or share is None or share in lengths
+
+    def share(self, scene):
+        """A scene's length of training over the config's; None where units differ."""
+        own, whole = self.scenes[scene], self.config["training"]
+        key = "steps" if whole["steps"] else "budget_min"
+        return own[key] / whole[key] if own[key] else None
+
     def scored(self, scene):
         """(method, round) of all that is scored: trainings, then given renders."""
-        given = self.names("trains", False)
+        given = [n for n in self.names("trains", False) if self.is_scored(scene, n)]
         return [*self.all_rounds(scene), *((name, 0) for name in given)]
 
     def reference_round(self, scene):
@@ -249,11 +265,39 @@ class Experiment:
         return layout.Scene(scene).truth if self.has_truth(scene) else None
 
 
+class Experiments:
+    """Experiments of different scenes, as one plan.
+
+    by_name: {name: Experiment}; "" is the config that runs, another name the target
+    that an experiment belongs to. A user's config has no others beside it.
+    """
+
+    def __init__(self, by_name):
+        self.by_name = by_name
+        self.scenes, self.methods = {}, {}
+        for name, one in by_name.items():
+            for scene in one.scenes.keys() & self.scenes.keys():
+                raise ValueError(f"config: scenes.{scene}: {name} has one of this name")
+            self.scenes |= dict.fromkeys(one.scenes, one)
+            self.methods |= one.methods
+
+    def of(self, scene):
+        """The experiment of a scene."""
+        return self.scenes[scene]
+
+    def captures(self, names=("",)):
+        """Captures of the experiments of these names, of those that there are."""
+        known = [self.by_name[name] for name in names if name in self.by_name]
+        return [scene for one in known for scene in one.captures()]
+
+
 def scene_config(experiment, name):
     """What the poses of a scene depend on: not how long it is trained."""
     scene = experiment.scenes[name]
     capture = experiment.capture(name)
-    unused = {"steps", "budget_min"} | (scene_keys.SECTIONS.keys() - {capture.name})
+    unused = {"steps", "budget_min", "published"} | (
+        scene_keys.SECTIONS.keys() - {capture.name}
+    )
     if scene["poses"] == "truth" and not scene["triangulate"]:
         unused.add("colmap")
     # Where a `false` changes what is done, the stage has to be told.
@@ -261,9 +305,10 @@ def scene_config(experiment, name):
     if not (capture.wants_matches(scene) or capture.wants_matches(undecided)):
         unused.add("triangulate")
     if experiment.parent(name):
-        unused |= {"test_every", "perturb_px", "colmap"}
-    optional = ("masks", "crop", "pose_convention")
-    unused |= {key for key in optional if scene[key] is None}
+        unused |= {"test_every", "perturb_px", "perturb_by", "colmap"}
+    optional = ("masks", "crop", "pose_convention", "perturb_by")
+    default = scene_keys.Scene.default
+    unused |= {key for key in optional if scene[key] == default(key)}
     return json_files.canonical({key: scene[key] for key in scene.keys() - unused})
 
 
@@ -282,10 +327,12 @@ def goes_on(path):
     return json_files.read(path, {"go_on": bool})["go_on"]
 
 
-def folders(experiment):
+def folders(experiments):
     """Regular expression of all folders below a scene's that are trained or scored."""
-    names = set(experiment.trainings(next(iter(experiment.scenes))))
-    names |= {f"{name}/round0" for name in experiment.names("trains", False)}
+    names = set()
+    for one in experiments:
+        names |= set(one.trainings(next(iter(one.scenes))))
+        names |= {f"{name}/round0" for name in one.names("trains", False)}
     return one_of(names)
 
 
@@ -301,6 +348,18 @@ def check_equal(experiment):
             what = f"the same as methods.{first[rounds]}: trained once, it has one name"
             raise ValueError(f"config: methods.{name}: {what}")
         first[rounds] = name
+
+
+def check_lengths(experiment):
+    """Raise ValueError for lengths that no scene has, or the baseline lacks."""
+    for name in experiment.trained():
+        at = [one for one in experiment.scenes if experiment.is_scored(one, name)]
+        where = f"config: methods.{name}.lengths"
+        if not at:
+            raise ValueError(f"{where}: no scene is trained for any of these")
+        base = experiment.baseline(name)
+        if not all(experiment.is_scored(one, base) for one in at):
+            raise ValueError(f"{where}: {base}, its baseline, lacks some of them")
 
 
 def one_of(names):

@@ -1,16 +1,16 @@
 """What `snakemake SCENE` makes, and what it says in the end."""
 
 import atexit
-import difflib
 import os
 import re
 import shlex
 import shutil
 import sys
+import types
 from pathlib import Path
 
 from alignerf.captures import base
-from alignerf.experiment import cluster, layout
+from alignerf.experiment import cluster, layout, shipped
 from alignerf.io import (
     atomic,
     faults,
@@ -20,19 +20,15 @@ from alignerf.io import (
     yaml_files,
 )
 
-DEMO = provenance.PIPELINE / "workflow" / "config" / "demo.yaml"
+# Of the config that runs, beside what the paper prints.
+COMPARISON = f"{layout.RESULTS}/comparison.csv"
 TABLES = ("misalignment", "round_times", "controls", "displacement")
-FIGURES = ("flow", "rounds", "views", "lengths", "curves")
+FIGURES = ("flow", "rounds", "views", "lengths", "curves", "crops")
 
 
 def tables(known):
     """Where the truth is known, also whether other test sets rank as it does."""
     return (*TABLES, "ranking") if known else TABLES
-
-
-def figures(experiment):
-    """Only staged methods have something to be compared with side by side."""
-    return (*FIGURES, "crops") if experiment.names("in_crops") else FIGURES
 
 
 def of_scene(experiment, scene):
@@ -43,6 +39,40 @@ def of_scene(experiment, scene):
 def page_of(scene, results="results"):
     """The page of a scene, by its path."""
     return f"{results}/{scene}/index.html"
+
+
+def of_run(experiments):
+    """What a run makes that is asked for nothing: its scenes, its printed table."""
+    first = experiments.by_name.get("")
+    if first is None:
+        raise ValueError(
+            "config: small: false needs full_size, which the demo has not: name a "
+            "table, as in `snakemake table1 --config small=false`"
+        )
+    made = [of_scene(first, name) for name in first.captures()]
+    return [*made, *[COMPARISON] * (first.config["published_table"] is not None)]
+
+
+def of_figures(experiments, narrowed=types.MappingProxyType({})):
+    """The paper's figures: those of a scene of Table 1, and of the moving arm."""
+    if not {shipped.FIGURES, "table1"} <= experiments.by_name.keys():
+        return []
+    at = layout.Scene(drawn(experiments, narrowed))
+    arm = [f"{layout.RESULTS}/arm.{end}" for end in ("csv", "tex", "png")]
+    return [*map(at.figure, FIGURES), *arm]
+
+
+def drawn(experiments, narrowed):
+    """The scene of Table 1 that figures are of: the one asked for, else the first."""
+    own = experiments.by_name["table1"].captures()
+    asked = [one for one in narrowed.get(shipped.FIGURES, ()) if one in own]
+    return [*asked, *own][0]
+
+
+def unasked(experiments):
+    """The option of `alignerf.facts` where the config decides nothing by facts."""
+    first = experiments.by_name.get("")
+    return [] if first and first.config["decide"] else ["--unasked"]
 
 
 def of_page(experiment, scene):
@@ -61,7 +91,7 @@ def of_page(experiment, scene):
             for name in tables(experiment.has_truth(scene))
             for kind in ("csv", "tex")
         ),
-        *map(at.figure, figures(experiment)),
+        *map(at.figure, FIGURES),
     ]
 
 
@@ -77,7 +107,7 @@ def preflight_of(experiment, scene):
 
 def demo_scenes():
     """Names of the scenes of the demo's config, which runs where none is named."""
-    return list(yaml_files.read(DEMO)["scenes"])
+    return list(yaml_files.read(shipped.DEMO)["scenes"])
 
 
 def export_command(configs):
@@ -171,19 +201,6 @@ def replaced(experiment, dag):
     return found
 
 
-def check_asked(names, scenes, rules):
-    """ValueError for a target that is no rule, scene or file, with the nearest name."""
-    known = [*scenes, *rules]
-    for name in names:
-        if not (name in known or "/" in name or os.path.exists(name)):
-            near = difflib.get_close_matches(name, known, 1, LIKENESS)
-            hint = f"; perhaps {near[0]!r}" if near else ""
-            raise ValueError(
-                f"{name}: no such scene or target{hint}. Scenes of this config: "
-                f"{', '.join(scenes)}. Other targets: snakemake --list-target-rules"
-            )
-
-
 def tidy(scenes):
     """Remove what killed processes of earlier runs have half written, and say so."""
     for name in scenes:
@@ -224,6 +241,13 @@ def cause(log):
 def can_export(experiment):
     """Whether any scene may have an export."""
     return any(base.of(one).can_export(one) for one in experiment.scenes.values())
+
+
+def of_exports(experiments):
+    """Those of the config that runs; ValueError where only tables do."""
+    if "" not in experiments.by_name:
+        raise ValueError("config: small: false: only scenes of a config are exported")
+    return exports(experiments.by_name[""])
 
 
 def exports(experiment):

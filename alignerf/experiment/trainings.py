@@ -137,7 +137,7 @@ def common(experiment, scene, method):
     return {
         "seed": experiment.scenes[scene]["seed"],
         "model": model_of(model, experiment.scenes[scene]),
-        "training": training_of(config, scene) | model["training"],
+        "training": training_of(config, scene, model),
         "decisions": decisions_of(config, scene),
     }
 
@@ -161,10 +161,14 @@ def decisions_of(config, scene):
     return layout.Scene(scene).decisions if any(open_keys) else None
 
 
-def training_of(config, scene):
-    """The config's training, as long as the scene asks for."""
+def training_of(config, scene, model):
+    """The config's training with a model's changes, as long as model or scene asks."""
     found, chosen = config["training"], config["scenes"][scene]
-    return found | retimed(found, chosen["steps"], chosen["budget_min"])
+    steps, budget_min = chosen["steps"], chosen["budget_min"]
+    if own := model["training"].get("steps"):
+        steps, budget_min = own, None
+    changes = {k: v for k, v in model["training"].items() if k != "steps"}
+    return found | retimed(found, steps, budget_min) | changes
 
 
 def retimed(training, steps, budget_min=None):

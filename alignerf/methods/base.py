@@ -25,6 +25,13 @@ class Common(Keys):
         most=16,
     )
     max_rounds: int = key(4, "rounds at most, with `rounds: auto`", least=1, most=16)
+    lengths: list[float] | None = key(
+        None,
+        "those of `vary.lengths` at which it is scored; null: all",
+        above=0,
+        most=1000,
+        length=(1, 100),
+    )
     changes: Literal["photos", "cameras", "cameras_then_photos"] = key(
         "photos",
         "what a round fixes by the flow: photos are warped, as in the paper, or "
@@ -60,7 +67,7 @@ class Method:
     Keys = None
     what = ""
     order = 0
-    beside = ("model", "published")
+    beside = ("model", "published", "lengths")
     systems = None
     # Classes of its own that its jobs have, see `experiment.jobs`.
     jobs = ()

@@ -111,7 +111,7 @@ class Other(rounds.Rounds):
 
     key, Keys, order = "external", External, 6
     what = "another program trains and renders: in rounds, as ours are trained"
-    beside = ("published", *rounds.KEYS)
+    beside = ("published", "lengths", *rounds.KEYS)
     ours = False
     example = "external: { train: 't {data}', render: 'r {renders}' }"
     folders = ("external.renders", "external.depth")

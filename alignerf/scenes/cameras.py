@@ -29,6 +29,8 @@ OPENGL_FROM_OPENCV = np.diag([1.0, -1.0, -1.0])
 # Centres within so much, and within so much of their distance from the origin, are one
 # place: of shorter lengths squares, as of the cameras' spread, come to nothing.
 ONE_PLACE = 1e-9
+# Of the cameras' spread: axes that meet further away are as good as parallel.
+MAX_FOCUS = 100
 
 
 class Rays(NamedTuple):
@@ -226,7 +228,22 @@ def apply_similarity(camtoworlds, scale, rotation, translation):
     return np.concatenate([rotated, centres[..., None]], axis=-1)
 
 
-def perturb_poses(camtoworlds, pixtocams, perturb_px, rng):
+def perturb_poses(camtoworlds, pixtocams, perturb_px, rng, by="rotation", points=None):
+    """Poses [n, 3, 4] perturbed so that the image centre moves by perturb_px (rms).
+
+    by: "rotation", `turned`; "translation", `translated`; "both", where each of these
+    gives perturb_px / sqrt(2). points [m, 3]: of the scene, or None.
+    """
+    if by == "both":
+        perturb_px = perturb_px / np.sqrt(2)
+    if by != "rotation":
+        camtoworlds = translated(camtoworlds, pixtocams, perturb_px, rng, points)
+    if by != "translation":
+        camtoworlds = turned(camtoworlds, pixtocams, perturb_px, rng)
+    return camtoworlds
+
+
+def turned(camtoworlds, pixtocams, perturb_px, rng):
     """Poses [n, 3, 4] turned so that the image centre moves by perturb_px (rms).
 
     Each camera turns about its own x and y axes by independent normal angles: a
@@ -235,7 +252,7 @@ def perturb_poses(camtoworlds, pixtocams, perturb_px, rng):
     pixel_angle = pixtocams[:, [1, 0], [1, 0]]
     angles = rng.normal(size=(len(camtoworlds), 2)) * perturb_px / np.sqrt(2)
     angles = np.arctan(angles * pixel_angle)
-    turned = camtoworlds.copy()
+    poses = camtoworlds.copy()
     for i, (about_x, about_y) in enumerate(angles):
         cx, sx, cy, sy = (
             np.cos(about_x),
@@ -245,8 +262,42 @@ def perturb_poses(camtoworlds, pixtocams, perturb_px, rng):
         )
         turn_x = np.array([[1, 0, 0], [0, cx, -sx], [0, sx, cx]])
         turn_y = np.array([[cy, 0, sy], [0, 1, 0], [-sy, 0, cy]])
-        turned[i, :, :3] = camtoworlds[i, :, :3] @ turn_x @ turn_y
-    return turned
+        poses[i, :, :3] = camtoworlds[i, :, :3] @ turn_x @ turn_y
+    return poses
+
+
+def translated(camtoworlds, pixtocams, perturb_px, rng, points=None):
+    """Poses [n, 3, 4] translated so that the image centre moves by perturb_px (rms).
+
+    Each centre moves along its camera's own x and y axes by independent normal
+    lengths. That is the error of what cameras look at (`looked_at`); at other depths
+    it is inversely proportional to the depth.
+    """
+    pixel = pixtocams[:, [0, 1], [0, 1]] * looked_at(camtoworlds, points)[:, None]
+    lengths = rng.normal(size=pixel.shape) * perturb_px / np.sqrt(2) * pixel
+    moved = camtoworlds.copy()
+    moved[:, :, 3] += (camtoworlds[:, :, :2] * lengths[:, None]).sum(axis=2)
+    return moved
+
+
+def looked_at(camtoworlds, points=None):
+    """Depth [n] of what the cameras look at, along their optical axes; above 0.
+
+    That is `focus_of`; a camera that stands there or beyond has the median depth. Where
+    the axes are parallel or part, it is the median depth of the points [m, 3]; without
+    those, by convention, 1 of the normalised frame (`frame_of`).
+    """
+    centres, axes = camtoworlds[:, :, 3], -camtoworlds[:, :, 2]
+    least = ONE_PLACE * max(1.0, np.abs(centres).max())
+    spread, focus = 1 / frame_of(camtoworlds).scale, focus_of(camtoworlds)
+    if focus is not None:
+        depths = ((focus - centres) * axes).sum(axis=1)
+        if least < (usual := np.median(depths)) < MAX_FOCUS * spread:
+            return np.where(depths > least, depths, usual)
+    points = np.empty((0, 3)) if points is None else points
+    of_views = ((points - c) @ a for c, a in zip(centres, axes, strict=True))
+    ahead = [np.median(d[d > least]) for d in of_views if (d > least).any()]
+    return np.full(len(centres), np.median(ahead) if ahead else spread)
 
 
 def focus_of(camtoworlds):

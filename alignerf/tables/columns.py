@@ -44,6 +44,7 @@ METRICS = {
     "lpips_squeeze": False,
     "lpips_vgg": False,
 }
+NETWORKS = [name for name in METRICS if name.startswith("lpips")]
 # The network of the papers' LPIPS is not released: it compares with none of ours.
 PRINTED_ONLY = "lpips_published"
 # Of the flow from render to photo and of its parts, of `flow.decompose`.

@@ -26,6 +26,9 @@ TIMES = {
     "align_time_s": ("flow, warps", "before_align_time_s"),
     "align_rest_time_s": ("rest of flow", "before_align_rest_time_s"),
 }
+# Cameras that are moved to fit a photo are scored by PSNR alone; other metrics are of
+# this test set.
+PERCEPTUAL = "warped"
 POINT_COSTS = ("params", "rays_seen", "train_time_s", "total_time_s")
 
 
@@ -117,14 +120,15 @@ def points_of(condition):
     ):
         for (method, round), own in frame.shared(group).groupby(frame.ROW, sort=False):
             row = own.iloc[0]
-            sets = dict(frame.sets_of_all(own, [test_set]))
-            if pd.isna(row["way"]) or not sets:
+            sets = dict(frame.sets_of_all(own, [test_set, PERCEPTUAL]))
+            if pd.isna(row["way"]) or test_set not in sets:
                 continue
-            own = sets[test_set]
+            perceived, own = sets.get(PERCEPTUAL, own), sets[test_set]
             line = {"condition": first["scene"], "length": length, "method": method}
             line |= {"warping": scores.warping(round), "field": row["description"]}
             line |= {"test_set": test_set} | frame.mean_costs(own, POINT_COSTS)
             line |= frame.gains(own, None, "psnr_")
+            line |= frame.means(perceived, columns.NETWORKS)
             line |= frame.gains(own, "reference_db")
             lines.append(line | {"seeds": own["scene"].nunique(), "views": len(own)})
     found = pd.DataFrame(lines)

@@ -26,7 +26,7 @@ from alignerf import testsets
 from alignerf.experiment.tables import rows as table_rows
 from alignerf.experiment.tables.scenes import Scene
 from alignerf.io import atomic, csv_files, provenance
-from alignerf.tables import columns, scores
+from alignerf.tables import columns, latex, scores
 
 ROW = ["method", "round"]
 LABELS = ["scene", *ROW]
@@ -207,7 +207,8 @@ def write(table, to_latex, *, csv, tex, frame, configs, float_format="%.6g"):
 
     frame: that it was made of. configs: the scenes' complete configs.
     """
-    text = to_latex(table)
+    text = latex.document(to_latex(table))
+    table = without_empty(table)
     rows = frame.drop_duplicates(LABELS)[[*LABELS, "trainings"]].to_dict("records")
     found = provenance.describe(rows, configs)
     beside = provenance.path_beside(csv)
@@ -219,6 +220,12 @@ def write(table, to_latex, *, csv, tex, frame, configs, float_format="%.6g"):
         table.to_csv(csv, index=False, float_format=float_format)
         tex.write_text(text)
         origin.write_text(provenance.as_json(found))
+
+
+def without_empty(table):
+    """A table without the columns of networks that had no weights."""
+    known = [name for name in columns.NETWORKS if name in table]
+    return table.drop(columns=[n for n in known if table[n].isna().all()])
 
 
 def write_across(table, to_latex, frame, args):

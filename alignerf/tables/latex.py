@@ -73,9 +73,43 @@ def texts(lines, column, form):
         numbers, form = 100 * numbers, ".0f"
     elif form == "M":
         numbers, form = numbers.astype(float) / 1e6, ".2f"
+    if form == "cells":
+        return list(numbers)
     if not form:
         return [name(str(one)) for one in numbers]
     return [scores.shown(one, form) for one in numbers]
+
+
+def side_by_side(first, second, form, higher, others):
+    """Cells `a / b` of two test sets, as the paper has them; series of one index.
+
+    The best three of the second are coloured, of the first where no row has a second.
+    higher: whether higher is better; None: nothing is coloured. others: a mask of rows
+    that are never among them.
+    """
+    judged = second if second.notna().any() else first
+    css = [""] * len(judged)
+    if higher is not None:
+        css = colours(judged.astype(float).mask(others), higher=higher)
+    cells = []
+    for one, other, style in zip(first, second, css, strict=True):
+        pair = [scores.shown(value, form) for value in (one, other) if pd.notna(value)]
+        colour = f"\\{style.replace(':', '', 1)}" if style else ""
+        cells.append(colour + (" / ".join(pair) or "--"))
+    return cells
+
+
+def document(text):
+    """A table as a document that compiles as it is.
+
+    Package standalone lets `\\input` take its body alone into another document.
+    """
+    head, _, body = text.partition(r"\begin{tabular}")
+    packages = [r"\usepackage{booktabs}", r"\usepackage[table]{xcolor}"]
+    begin = [r"\documentclass[border=4pt]{standalone}", *packages, r"\begin{document}"]
+    notes = [line for line in head.splitlines() if r"\usepackage" not in line]
+    end = [rf"\begin{{tabular}}{body.strip()}", r"\end{document}"]
+    return "\n".join([*notes, *begin, *end, ""])
 
 
 def with_ends(column):

@@ -2,7 +2,6 @@
 
 import matplotlib.figure
 import matplotlib.ticker
-import pandas as pd
 
 from alignerf import testsets
 from alignerf.tables import scores
@@ -12,8 +11,6 @@ COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#4
 MARKERS = "osD^vP"
 LABEL_PT, SMALL_PT = 9, 7.5
 GRID = {"color": "0.92", "linewidth": 0.6}
-# Of regimes: against the truth where it is known, else against the photos.
-PREFERRED = ("oracle", "crossfit", "standard")
 
 
 def panels_of(columns, height, *, rows=1, **shared):
@@ -154,84 +151,3 @@ def by_width(axes, width_px):
     widths = sorted(set(width_px))
     axes.set_xticks(widths, [f"{width:g}" for width in widths])
     axes.minorticks_off()
-
-
-def regimes(table, path):
-    """The figure of `tables.across.regimes`: what each method gains, regime by regime.
-
-    A panel per curve (see `panels`), the difference to the baseline with its 95 %
-    interval; regimes that are on no curve stand side by side in a panel of their own.
-    """
-    shown = pd.concat([compared(own) for _, own in table.groupby("scene", sort=False)])
-    if shown.empty:
-        raise ValueError("figure: no method besides the baseline has a score")
-    curves = panels(shown)
-    figure, ((*axes,),) = panels_of(len(curves), 3.6, sharey=True)
-    for one, (title, label, rows, x) in zip(axes, curves, strict=True):
-        draw_panel(one, rows, x, names=list(dict.fromkeys(shown["row"])))
-        one.set_title(title, fontsize=LABEL_PT)
-        one.set_xlabel(label, fontsize=LABEL_PT)
-    axes[0].set_ylabel(
-        f"PSNR ({', '.join(dict.fromkeys(shown['test_set']))}) against the baseline\n"
-        "(dB, paired, 95 % interval)",
-        fontsize=LABEL_PT,
-    )
-    finish(figure, axes, path, ncols=3 if len(curves) > 1 else 2)
-
-
-def compared(rows):
-    """What a regime's rows gain, on the test set that says most of it.
-
-    Adds the column `row`: what the method and its warping are called.
-    """
-    known = set(rows["test_set"])
-    chosen = next(name for name in PREFERRED if name in known)
-    names = list(map(scores.row_name, rows["method"], rows["warping"]))
-    rows = rows.assign(row=names)
-    return rows[(rows["row"] != names[0]) & (rows["test_set"] == chosen)]
-
-
-def panels(rows):
-    """[(title, axis label, rows, x of each row)]: what is turned in each panel.
-
-    Pose error without and with motion, at the number of steps that most regimes
-    have; steps, where a regime was trained for several; and all else by name.
-    """
-    found, used = [], pd.Series(False, index=rows.index)
-    usual = rows.drop_duplicates("scene")["steps"].mode().iloc[0]
-    for motion, title in ((False, "nothing moves"), (True, "objects move")):
-        chosen = (rows["motion_m"] > 0) == motion
-        chosen &= rows["motion_m"].notna() & (rows["steps"] == usual)
-        if rows.loc[chosen, "perturb_px"].nunique() > 1:
-            found.append((title, "pose error (px)", rows[chosen], "perturb_px"))
-            used |= chosen
-    place = ["perturb_px", "motion_m"]
-    budgets = rows.groupby(place)["steps"].transform("nunique") > 1
-    if budgets.any():
-        found.append(("budget", "steps of the baseline", rows[budgets], "steps"))
-        used |= budgets
-    if not used.all():
-        found.append(("scenes", "", rows[~used], "scene"))
-    return found
-
-
-def draw_panel(axes, rows, x, *, names):
-    """One line a row of the table; points a little apart, so that intervals show."""
-    axes.axhline(0, color="0.35", linewidth=0.8)
-    values = list(dict.fromkeys(rows[x] if x == "scene" else sorted(rows[x])))
-    for place, name in enumerate(names):
-        own = rows[rows["row"] == name].sort_values(x)
-        shift = 0.08 * (place - (len(names) - 1) / 2)
-        axes.errorbar(
-            [values.index(value) + shift for value in own[x]],
-            own["difference_db"],
-            yerr=errors_of(own, "difference_"),
-            label=name.replace("_", " "),
-            color=COLOURS[place % len(COLOURS)],
-            marker=MARKERS[place % len(MARKERS)],
-            markersize=4,
-            linewidth=0.0 if x == "scene" else 1.2,
-            elinewidth=0.8,
-        )
-    texts = [value if x == "scene" else f"{value:g}" for value in values]
-    axes.set_xticks(range(len(values)), texts)

@@ -5,9 +5,9 @@ from collections.abc import Callable
 from typing import NamedTuple
 
 NEEDS = ("", "testset", "truth", "moving")
-TABLES = {"misalignment", "regimes", "comparison", "remedies", "ranking", "controls"}
+TABLES = {"misalignment", "comparison", "remedies", "ranking", "controls"}
 # Tables of how good a method is.
-QUALITY = ("misalignment", "regimes", "comparison")
+QUALITY = ("misalignment", "comparison")
 
 
 class Quantity(NamedTuple):

@@ -164,6 +164,8 @@ def read(scene, base, *, overfit=None, crops=(None, None), before=None):
         photo_width_px=width_px,
         poses_given=poses["poses"] in INPUT,
         perturb_px=float(poses["perturb_px"]),
+        # Folders of earlier versions do not say it.
+        perturb_by=poses.get("perturb_by", "rotation"),
         crops=read_crops(*crops),
         judged=read_judged(poses, before, width_px),
         matches=of_matches(poses),

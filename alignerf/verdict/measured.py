@@ -48,7 +48,9 @@ def sentences(e, views, gains=()):
 def perturbed(e):
     """What a config has done to the poses on purpose."""
     px = length(e.photo_px * e.perturb_px)
-    return [f"The config perturbs the poses by {px} (perturb_px)."] * bool(e.perturb_px)
+    by = "" if e.perturb_by == "rotation" else f", perturb_by: {e.perturb_by}"
+    told = f"The config perturbs the poses by {px} (perturb_px{by})."
+    return [told] * bool(e.perturb_px)
 
 
 def poses(e, tried=()):

@@ -92,17 +92,22 @@ def test_oracle_without_error_is_the_photo(tmp_path):
         assert np.abs(flow["flow_px"][flow["valid"]]).max() < 1e-3
 
 
-def test_perturbed_poses_and_the_true_flow_that_undoes_them(tmp_path):
+@pytest.mark.parametrize("by", ["rotation", "translation"])
+def test_perturbed_poses_and_the_true_flow_that_undoes_them(by, tmp_path):
     """Warping the photo by the true flow brings it onto the oracle."""
     still = COURTYARD["courtyard"] | {"motion": "none"}
-    poses.main(COURTYARD | {"courtyard": still, "perturb_px": 2.0}, tmp_path)
+    changes = {"courtyard": still, "perturb_px": 2.0, "perturb_by": by}
+    poses.main(COURTYARD | changes, tmp_path)
+    assert json.loads((tmp_path / "poses.json").read_text())["perturb_by"] == by
     given, true = (
         load(tmp_path / "cameras.npz"),
         load(tmp_path / "images/truth/cameras.npz"),
     )
     np.testing.assert_array_equal(given["pixtocams"], true["pixtocams"])
     np.testing.assert_array_equal(given["names"], true["names"])
-    assert np.abs(given["camtoworlds"] - true["camtoworlds"]).max() > 1e-3
+    off = np.abs(given["camtoworlds"] - true["camtoworlds"]).max(axis=(0, 1))
+    assert (off[:3].max() > 1e-3) == (by == "rotation")
+    assert (off[3] > 1e-3) == (by == "translation")
     before, after = [], []
     x, y = np.meshgrid(np.arange(48, dtype=np.float32), np.arange(36, dtype=np.float32))
     for name in given["names"]:
@@ -225,13 +230,19 @@ def test_crops_of_a_scene_have_its_photos_cameras_split(tmp_path):
 
 def test_crops_of_views_that_share_no_points(tmp_path, monkeypatch):
     """They lie where all cameras look; where those look apart, one line says so."""
-    poses.main(COURTYARD, tmp_path / "whole")
+    changes = {"perturb_px": 0.05, "perturb_by": "translation"}
+    poses.main(COURTYARD | changes, tmp_path / "whole")
     crop = {"of": "whole", "px": 64, "count": 2}
     config = COURTYARD | {"downscale": 1, "crop": crop}
     given = (tmp_path / "whole", tmp_path / "whole" / "cameras.npz")
     poses.main(config, tmp_path / "out", *given)
     told = json.loads((tmp_path / "out" / "poses.json").read_text())
     assert len(told["crop"]["points"]) == 1
+    # The error is that of the photos' cameras, which crops have.
+    assert (told["perturb_px"], told["perturb_by"]) == (
+        pytest.approx(0.1),
+        "translation",
+    )
     monkeypatch.setattr(cameras, "focus_of", lambda _: None)
     with pytest.raises(ValueError, match="whole: crops: the views share no points"):
         poses.main(config, tmp_path / "none", *given)

@@ -71,6 +71,7 @@ def bad_configs(tmp_path):
         ({"source": "courtyard", "courtyard": {"views": 4.5}}, "views"),
         ({"source": "courtyard", "downscale": 0}, "downscale"),
         ({"source": "courtyard", "perturb_px": float("nan")}, "perturb_px"),
+        ({"source": "courtyard", "perturb_by": "zoom"}, "perturb_by"),
         (
             {"source": "courtyard", "poses": "truth", "courtyard": {"views": 0}},
             "courtyard.views",

@@ -98,6 +98,9 @@ def test_every_csv_says_where_it_comes_from(root):
         ("{many_s:range ,.0f}", "1,234"),
         ("{many_s:duration}", "20 min 34 s"),
         ("{a:duration}", "1.5 s"),
+        ("{code:link}", "[flow/align.py](../../flow/align.py)"),
+        ("{csv:link}", "[docs/measured/a.csv](../measured/a.csv)"),
+        ("{none:link}", ""),
         ("{none} dB", ""),
         (["{a} dB", "{none} s"], "1.50 dB"),
         (["{a} dB", "{many_s} s"], "1.50 dB, 1234 s"),
@@ -105,6 +108,7 @@ def test_every_csv_says_where_it_comes_from(root):
 )
 def test_how_a_cell_is_written(template, cell):
     row = {"a": "1.50", "none": "", "many_s": "1234"}
+    row |= {"code": "flow/align.py", "csv": "docs/measured/a.csv"}
     row |= {"a_db": "0.4", "a_low_db": "0.1", "a_high_db": "0.7"}
     row |= {"b_db": "-0.4", "b_low_db": "-0.9", "b_high_db": "0.1"}
     row |= {"c_db": "-0.4", "c_low_db": "-0.9", "c_high_db": "-0.1"}

@@ -77,7 +77,7 @@ def check_reruns(plan, root, config):
     scored, moved = {"evaluate"}, {"align_test_poses"}
     in_loop, tuned = {"train aligned/round0"}, {"train alignerf/round0"}
     for path, old, new, rules in (
-        (root / "flow/figures/drawing.py", "\n", "\n\n", {"figures"}),
+        (root / "flow/figures/drawing.py", "\n", "\n\n", {"draw"}),
         (root / "alignerf/tables/misalignment.py", "\n", "\n\n", tables),
         (root / "alignerf/tables/collect.py", "\n", "\n\n", {"collect"}),
         (root / "alignerf/metrics/lpips.py", "\n", "\n\n", scored),
@@ -105,7 +105,7 @@ def check_reruns(plan, root, config):
         output = plan()
         assert changed(output) == rules, (path.name, new)
         if "rounds" in old:
-            assert {"figures", *tables} <= planned(output)
+            assert {"draw", *tables} <= planned(output)
         path.write_text(before)
     assert "Nothing to be done" in plan()
 

@@ -42,7 +42,7 @@ STAGES = {
     "trainings": ("train",),
     "renders": ("render", "render_test"),
     "flow": ("align", "control_sets", "testset", "decompose"),
-    "verdict and page": ("verdict", "page", "figures", "tables"),
+    "verdict and page": ("verdict", "page", "draw", "tables"),
     "export": ("export",),
 }
 SUFFIXES = (".jpg", ".jpeg", ".png")

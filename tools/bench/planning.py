@@ -134,7 +134,7 @@ def config_of(scenes):
     """The ablation's methods on so many scenes that need no files."""
     path = ROOT / "workflow" / "config" / "table4.yaml"
     found = check.sized(yaml.safe_load(path.read_text(encoding="utf-8")))
-    del found["vary"], found["regimes"]
+    del found["vary"]
     (scene,) = found["scenes"].values()
     return found | {"scenes": {f"scene_{k:03d}": dict(scene) for k in range(scenes)}}
 

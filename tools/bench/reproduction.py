@@ -1,21 +1,18 @@
 """What methods bring beside the paper: CSVs for docs/evidence/reproduction.md.
 
-    python -m tools.bench.reproduction results --effects reproduction.csv
-        --budget budget.csv --scenes budget
+    python -m tools.bench.reproduction results --budget budget.csv --scenes budget
 
 Of every scene with results/SCENE/comparison, as `snakemake comparison` collects it;
 runs not finished are left out. Scenes of one name are pooled over their seeds.
 
 --budget: a row for each scene, length and method. Gains are over plain training of as
 many steps, and of as many seconds, where its score is interpolated between its lengths.
---effects: a row for each effect that the paper reports, its figure and ours.
 --pairs: a row for each method M_loss over the method M of the same model.
 """
 
 import argparse
 import re
 from pathlib import Path
-from typing import NamedTuple
 
 import numpy as np
 import pandas as pd
@@ -59,92 +56,6 @@ NAMES = {
 }
 
 
-class Effect(NamedTuple):
-    """What a row of the paper gains over another, on its warped test set, and ours.
-
-    paper: (table, group, (method, warping), (method, warping)). ours: (scene, share,
-    (method, round), (method, round)).
-    """
-
-    what: str
-    paper: tuple
-    ours: tuple
-
-
-# What ours are trained on, and steps of length 1.
-SETTINGS = {
-    "table1": ("courtyard 200x150", 2000),
-    "budget": ("courtyard 200x150", 2000),
-    "ablation": ("courtyard 200x150", 8000),
-    "flower_crop": ("flower, crop of 320 px", 2000),
-    "treehill_crop": ("treehill, crop of 320 px", 2000),
-}
-LARGE, SMALL = "mip-NeRF 360, c = 4096", "mip-NeRF 360, c = 1024"
-EFFECTS = (
-    Effect(
-        "large model: warped once",
-        (1, "", (LARGE, "once"), (LARGE, "none")),
-        ("table1", 1, ("mipnerf360_large", 1), ("mipnerf360_large", 0)),
-    ),
-    Effect(
-        "large model: warped twice, over once",
-        (1, "", (LARGE, "twice"), (LARGE, "once")),
-        ("table1", 1, ("mipnerf360_large", 2), ("mipnerf360_large", 1)),
-    ),
-    Effect(
-        "small model: warped once",
-        (1, "", (SMALL, "once"), (SMALL, "none")),
-        ("table1", 1, ("mipnerf360", 1), ("mipnerf360", 0)),
-    ),
-    Effect(
-        "large over small model",
-        (1, "", (LARGE, "none"), (SMALL, "none")),
-        ("table1", 1, ("mipnerf360_large", 0), ("mipnerf360", 0)),
-    ),
-    *(
-        Effect(
-            what,
-            (1, "", ("AligNeRF, c = 1024", "none"), (SMALL, "none")),
-            ("budget", share, (method, 0), ("plain", 0)),
-        )
-        for what, method in (
-            ("AligNeRF as printed", "alignerf"),
-            ("aligned loss", "aligned_loss"),
-        )
-        for share in (1, 4)
-    ),
-    *(
-        Effect(
-            f"AligNeRF, {length}, {scene}",
-            (2, length, ("AligNeRF", "none"), ("mip-NeRF 360", "none")),
-            (f"{scene}_crop", share, ("alignerf", 0), ("mipnerf360", 0)),
-        )
-        for length, share in (("1x", 1), ("4x", 4))
-        for scene in ("flower", "treehill")
-    ),
-    Effect(
-        "+ patch convolution",
-        (4, "", ("+ convolution", "none"), ("baseline", "none")),
-        ("ablation", 1, ("convolution", 0), ("mipnerf360", 0)),
-    ),
-    Effect(
-        "+ alignment-aware loss",
-        (4, "", ("+ alignment", "none"), ("+ convolution", "none")),
-        ("ablation", 1, ("alignment", 0), ("convolution", 0)),
-    ),
-    Effect(
-        "+ high-frequency loss, VGG-19",
-        (4, "", ("+ high-frequency loss", "none"), ("+ alignment", "none")),
-        ("ablation", 1, ("alignerf", 0), ("alignment", 0)),
-    ),
-    Effect(
-        "all three",
-        (4, "", ("+ high-frequency loss", "none"), ("baseline", "none")),
-        ("ablation", 1, ("alignerf", 0), ("mipnerf360", 0)),
-    ),
-)
-
-
 def main(argv=None):
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("results", type=Path)
@@ -152,7 +63,6 @@ def main(argv=None):
     parser.add_argument("--steps", type=int, default=2000, help="of length 1")
     parser.add_argument("--pixels", type=float, help="of the training photos")
     parser.add_argument("--budget", type=Path)
-    parser.add_argument("--effects", type=Path)
     parser.add_argument("--pairs", type=Path)
     args = parser.parse_args(argv)
     views = read(args.results)
@@ -165,11 +75,6 @@ def main(argv=None):
     if args.pairs:
         rows = [row for own in scenes for row in pairs_of(own)]
         pd.DataFrame(rows).to_csv(args.pairs, index=False, float_format="%.4g")
-    if not args.effects:
-        return
-    paper = pd.read_csv(Path("results/published/tables.csv")).fillna({"group": ""})
-    rows = [row_of(effect, paper, views) for effect in EFFECTS]
-    pd.DataFrame(rows).to_csv(args.effects, index=False, float_format="%.4g")
 
 
 def read(results):
@@ -272,48 +177,6 @@ def at_equal_time(mine, base, truth):
         if len(at) == len(own) and not np.isnan(at).any():
             gains.append(own.to_numpy() - at)
     return scores.pooled_mean_and_interval(gains, "seconds_") if gains else {}
-
-
-def row_of(effect, paper, views):
-    """An effect as a row: the paper's figure, ours on the same test set, by truth."""
-    table, group, one, other = effect.paper
-    row = {"table": table, "effect": effect.what}
-    lines = paper[(paper["table"] == table) & (paper["group"] == group)]
-    lines = lines[lines["test_set"] == "warped"].set_index(["method", "warping"])
-    row["paper_db"] = lines.loc[one, "psnr_db"] - lines.loc[other, "psnr_db"]
-    scene, share, one, other = effect.ours
-    own = views[(views["scene"] == scene) & (views["share"] == share)]
-    for test_set in TRUTHS:
-        found, seeds = gain(own, one, other, test_set, f"{test_set}_")
-        row |= found
-        row["seeds"] = max(seeds, row.get("seeds", 0))
-    row["capture"], steps = SETTINGS[scene]
-    row["steps"] = share * steps
-    row["reproduced"] = reproduced(row)
-    return row
-
-
-def reproduced(row):
-    """Whether an effect of the paper shows here, at another size and on other scenes.
-
-    By the truth where that is known, else by the warped test set. "partly" where the
-    truth shows it, and the warped test set, which the paper has, does not.
-    """
-    known = [test_set for test_set in TRUTHS if f"{test_set}_db" in row]
-    if not known:
-        return "not run"
-    first, *others = (
-        sign(row, test_set) * np.sign(row["paper_db"]) for test_set in known
-    )
-    if first > 0:
-        return "yes" if all(other > 0 for other in others) else "partly"
-    return "no: the opposite" if first < 0 else "no"
-
-
-def sign(row, test_set):
-    """Of a gain; 0 where its interval holds 0."""
-    low, high = (row[f"{test_set}_{end}_db"] for end in ("low", "high"))
-    return int(low > 0) - int(high < 0)
 
 
 if __name__ == "__main__":

@@ -317,29 +317,3 @@ def test_gains_are_of_as_many_steps_and_of_as_many_seconds():
     # Nobody trained the plain one for 80 s.
     assert (long["steps"], long["steps_db"]) == (8000, pytest.approx(1))
     assert "seconds_db" not in long
-
-
-@pytest.mark.parametrize(
-    ("paper_db", "low", "high", "word"),
-    [
-        (0.2, 0.1, 0.3, "yes"),
-        (-0.2, -0.3, -0.1, "yes"),
-        (0.2, -0.1, 0.3, "no"),
-        (0.2, -0.3, -0.1, "no: the opposite"),
-    ],
-)
-def test_an_effect_is_reproduced_where_its_interval_says_so(paper_db, low, high, word):
-    row = {"paper_db": paper_db, "warped_low_db": low, "warped_high_db": high}
-    assert reproduction.reproduced(row) == "not run"
-    row |= {"warped_db": (low + high) / 2}
-    assert reproduction.reproduced(row) == word
-    # The truth comes first.
-    truth = {"oracle_db": 0.0, "oracle_low_db": -1.0, "oracle_high_db": 1.0}
-    assert reproduction.reproduced(row | truth) == "no"
-    truth = {f"oracle_{name}": paper_db for name in ("db", "low_db", "high_db")}
-    assert reproduction.reproduced(row | truth) == (
-        "yes" if word == "yes" else "partly"
-    )
-    for effect in reproduction.EFFECTS:
-        assert len(effect.paper) == 4
-        assert len(effect.ours) == 4

@@ -1,18 +1,17 @@
 """Take a run of the demo into docs/: `python -m tools.docs.demo results/courtyard`.
 
-Writes its table into docs/measured, pictures of its page into docs/pictures, and its
+Writes its tables into docs/measured, pictures of its page into docs/pictures, and its
 verdict into docs/outputs. Then `make docs`. What pages say of
 the run in words is to be read again.
 """
 
 import argparse
-import datetime
 import json
 from pathlib import Path
 
 import pandas as pd
 
-from tools.docs import screenshot
+from tools.docs import screenshot, take
 
 MACHINE = (
     "two hyperthreads of one core of a shared x86-64 machine, nothing else of ours "
@@ -25,14 +24,13 @@ def main(argv=None):
     args = parse(argv)
     tables = args.scene / "tables"
     known = json.loads((tables / "misalignment.provenance.json").read_text())
-    header = (
-        f"# commit: {known['commit']}\n# lock: {known['lock']}\n"
-        f"# machine: {args.machine}\n# command: make run\n"
-        f"# measured: {datetime.date.today()}\n"
-    )
+    header = take.header(known, "make run", args.machine)
     table = misalignment(pd.read_csv(tables / "misalignment.csv"))
     text = table.to_csv(index=False, float_format="%.2f", lineterminator="\n")
     (args.root / "docs" / "measured" / "misalignment.csv").write_text(header + text)
+    # What its warped test set's gain consists of.
+    text = pd.read_csv(tables / "controls.csv").to_csv(index=False, float_format="%.3g")
+    (args.root / "docs" / "measured" / "controls.csv").write_text(header + text)
     page = str(args.scene / "index.html")
     screenshot.main([page, "--root", str(args.root)])
 

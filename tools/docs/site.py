@@ -1,7 +1,8 @@
 """Build the pages as a site with a search: `make site`, or `python -m tools.docs.site`.
 
 The demo's page, which `make run` has made, becomes a part of it with the files that it
-links to; without it the site is built all the same. A dead link ends the build.
+links to; without it the site is built all the same. A dead link ends the build; a link
+to a file of the project outside docs/ is its text there.
 """
 
 import argparse
@@ -21,6 +22,7 @@ GENERATOR = "properdocs"
 # Where the demo's page lies in the site, and where pages name it.
 DEMO, MARK = "demo/index.html", "<!-- demo -->"
 PAGE = re.compile(r'data-doc href="[^"]*/docs/([\w/]+)\.md(#[\w-]+)?"')
+OUTWARD = re.compile(r"\[([^]]+)\]\((\.\./[^)\s]+)\)")
 LINK = re.compile(r'<a href="(?![a-z]+:|#)([^"#?]+)"')
 
 
@@ -41,10 +43,27 @@ def main(argv=None):
         shutil.copy(args.root / "mkdocs.yml", folder)
         pages = Path(folder) / "docs"
         shutil.copytree(args.root / "docs", pages)
+        unlink_files(args.root / "docs", pages)
         found = add_demo(args.root / args.demo, pages)
         with atomic.replace_folder(args.root / args.out) as made:
             build(Path(folder), made)
     print(f"{args.out}/index.html" + ("" if found else ", without the demo's page"))
+
+
+def unlink_files(docs, pages):
+    """Links to the project's files outside `docs` become their texts, in `pages`."""
+    inside = docs.resolve()
+
+    def text_of(link, folder):
+        target = (folder / link[2]).resolve()
+        out = target.is_file() and not target.is_relative_to(inside)
+        return f"`{link[1]}`" if out else link[0]
+
+    for path in pages.rglob("*.md"):
+        folder = inside / path.parent.relative_to(pages)
+        text = path.read_text(encoding="utf-8")
+        unlinked = OUTWARD.sub(lambda link, at=folder: text_of(link, at), text)
+        path.write_text(unlinked, encoding="utf-8")
 
 
 def add_demo(page, docs):

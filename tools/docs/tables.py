@@ -150,16 +150,21 @@ class Value:
             return text
         if number == "duration":
             return duration(float(text))
+        if number == "link":
+            return link(text)
         if not kind:
             return format(float(text), number)
         return INTERVALS[kind](float(text), *self.ends(), number)
 
     def ends(self):
-        """Least and largest; of `a_db` they stand in `a_low_db` and `a_high_db`."""
-        first, _, unit = self.name.partition("_")
-        names = ("_".join(filter(None, (first, end, unit))) for end in ("low", "high"))
-        found = [self.row.get(name) for name in names]
-        return [float(end) for end in found] if all(found) else [None, None]
+        """Least and largest; of `a_b_db` in `a_low_b_db` or `a_b_low_db`, and so on."""
+        for part in (self.name.partition, self.name.rpartition):
+            first, _, unit = part("_")
+            names = ("_".join(filter(None, (first, e, unit))) for e in ("low", "high"))
+            found = [self.row.get(name) for name in names]
+            if all(found):
+                return [float(end) for end in found]
+        return [None, None]
 
 
 def difference(value, low, high, number):
@@ -181,6 +186,12 @@ def value_range(value, low, high, number):
 
 
 INTERVALS = {"difference": difference, "interval": interval, "range": value_range}
+
+
+def link(path):
+    """To a file of the project, from a page in a folder of docs/."""
+    inside = path.removeprefix("docs/")
+    return f"[{path}]({'../../' if inside == path else '../'}{inside})"
 
 
 def duration(seconds):

@@ -3,6 +3,7 @@
 import importlib.util
 import json
 import re
+import shutil
 import tomllib
 from html.parser import HTMLParser
 from urllib.parse import unquote
@@ -45,6 +46,18 @@ def test_without_a_demo_pages_stay_as_they_are(tmp_path):
     (tmp_path / "start.md").write_text(site.MARK)
     assert not site.add_demo(tmp_path / "none.html", tmp_path)
     assert (tmp_path / "start.md").read_text() == site.MARK
+
+
+def test_a_link_to_a_file_outside_docs_is_its_text(tmp_path):
+    docs, pages = tmp_path / "docs", tmp_path / "pages"
+    (docs / "one").mkdir(parents=True)
+    (docs / "a.csv").touch()
+    (tmp_path / "code.py").touch()
+    kept = "[a](../a.csv), [gone](../../gone.py)"
+    (docs / "one/page.md").write_text(f"[code.py](../../code.py), {kept}")
+    shutil.copytree(docs, pages)
+    site.unlink_files(docs, pages)
+    assert (pages / "one/page.md").read_text() == f"`code.py`, {kept}"
 
 
 def test_without_the_generator_it_says_what_installs_it(tmp_path, monkeypatch):

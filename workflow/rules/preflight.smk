@@ -21,7 +21,7 @@ rule preflight:
         of_training=sources.OF_TRAINING,
     params:
         command=step.preflight.command,
-        work=lambda w: costs.as_json(experiment, w.scene),
+        work=lambda w: costs.as_json(experiments.of(w.scene), w.scene),
     shell:
         "python -m {params.command:q} --work {params.work:q} --cores {threads}"
         " --threads {resources.of_training} 2>&1 | tee {log:q}"
@@ -31,14 +31,17 @@ rule preflight:
 rule preview:
     """Print what every scene will cost, before any training"""
     input:
-        decisions=[layout.Scene(name).decisions for name in experiment.captures()],
-        costs=[targets.preflight_of(experiment, name) for name in experiment.captures()],
+        decisions=[layout.Scene(name).decisions for name in experiments.captures()],
+        costs=[
+            targets.preflight_of(experiments.of(name), name)
+            for name in experiments.captures()
+        ],
     log:
         "results/logs/preview.log",
     conda:
         "../../environment.yml"
     params:
-        asked=[] if config["decide"] else ["--unasked"],
+        asked=targets.unasked(experiments),
         sources=sources.sources_of("alignerf.facts", "alignerf.costs"),
     shell:
         "(python -m alignerf.facts --show {input.decisions:q} {params.asked} &&"

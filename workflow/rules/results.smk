@@ -77,4 +77,4 @@ rule export_folder:
 rule export:
     """Write photos, cameras and points for nerfstudio, Gaussian splatting and COLMAP"""
     input:
-        lambda w: targets.exports(experiment),
+        lambda w: check.or_exit(targets.of_exports, experiments),

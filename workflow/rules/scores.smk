@@ -94,10 +94,10 @@ rule tables:
         RUN
 
 
-rule figures:
+rule draw:
     """Draw the figures of a scene"""
     input:
-        unpack(step.figures.inputs),
+        unpack(step.draw.inputs),
     output:
         [
             report(
@@ -106,16 +106,16 @@ rule figures:
                 category="{scene}",
                 labels={"what": figure, "kind": "figure"},
             )
-            for figure in targets.figures(experiment)
+            for figure in targets.FIGURES
         ],
     log:
-        scene.log("figures"),
+        scene.log("draw"),
     benchmark:
-        scene.benchmark("figures")
+        scene.benchmark("draw")
     conda:
         "../../environment.yml"
     params:
-        command=step.figures.command,
-        sources=step.figures.sources,
+        command=step.draw.command,
+        sources=step.draw.sources,
     shell:
         RUN

@@ -4,12 +4,18 @@ import csv
 import re
 
 from alignerf.experiment.checks.common import fault, first
-from alignerf.experiment.keys import config as config_keys
 from alignerf.experiment.tables import rows
 
 # What the results' folder holds besides scenes, and a scene's besides methods.
 SUFFIXES = (".csv", ".tex", ".png", ".provenance.json")
-TABLES = ("tradeoff", "remedies", "comparison", "comparison_ranking")
+ACROSS = (
+    "tradeoff",
+    "remedies",
+    "comparison",
+    "arm",
+    *(f"table{n}" for n in range(1, 5)),
+)
+TABLES = [f"{name}{end}" for name in ACROSS for end in ("", "_ranking", "_effects")]
 FILES = {
     *("published", "logs", "bench", "torture", "splats", "README.md"),
     *(f"{name}{end}" for name in TABLES for end in SUFFIXES),
@@ -18,7 +24,7 @@ FOLDERS = {
     *("images", "truth", "pretrain", "testset", "tables", "figures", "logs"),
     *("facts", "decisions", "poses", "cameras", "config", "preflight"),
     *("masks", "colmap", "points", "bounds", "verdict", "index", "adjusted"),
-    *("regimes", "remedies", "comparison", "scores", "trainings"),
+    *("remedies", "comparison", "arm", "scores", "trainings"),
 }
 
 # The end of a name that Snakemake takes for a loop among rules.
@@ -28,12 +34,8 @@ PERIODIC = re.compile(r"(.+?)\1{19}\Z")
 
 def check_names(config):
     """Names become rules and folders: text, and none that is taken."""
-    regimes = config.get("regimes", config_keys.Config.default("regimes"))
-    if regimes in TABLES:
-        fault("regimes", f"{regimes} has files of its own, choose another name")
-    files = {f"{regimes}{suffix}" for suffix in SUFFIXES}
     taken = {
-        "scenes": (FILES | files, "a file of the results"),
+        "scenes": (FILES, "a file of the results"),
         "methods": (FOLDERS, "a folder of every scene"),
         "models": (set(), ""),
     }
@@ -62,7 +64,7 @@ def check_published(config):
     named = {n: m["published"] for n, m in config["methods"].items() if m["published"]}
     if number is None and named:
         name = first(named)
-        fault(f"methods.{name}.published", "only with published_table: 2, or 3")
+        fault(f"methods.{name}.published", "only with published_table")
     if number is not None and not named:
         fault("published_table", "no method says what it is called there (`published`)")
     for name, called in named.items():

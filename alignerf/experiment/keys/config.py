@@ -120,11 +120,6 @@ class Config(Keys):
     reference: Reference = key(
         Reference, "the model whose renders the warped test set is made from"
     )
-    regimes: str = key(
-        "alignerf_regimes",
-        "what `snakemake regimes` calls its files in results/",
-        pattern=r"^[A-Za-z0-9][A-Za-z0-9_-]{0,99}\Z",
-    )
     frequency_weights: str | None = key(
         None,
         ".npz of VGG-19's first block for the high-frequency loss; null takes a fixed "
@@ -146,7 +141,8 @@ class Config(Keys):
     )
     published_table: int | None = key(
         None,
-        "the paper's table, 2 or 3, whose rows `snakemake comparison` shows",
-        least=2,
-        most=3,
+        "the paper's table whose rows `snakemake comparison` shows, and whose effects "
+        "it compares with ours",
+        least=1,
+        most=4,
     )

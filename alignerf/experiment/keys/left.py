@@ -24,7 +24,7 @@ def leave_open(config):
             for name, scene in scenes.items()
         }
     own = [one for one in scenes.values() if not base.of(one).parent(one)]
-    open_keys = open_of_training(training, own) if asked else []
+    open_keys = open_of_training(training, own, models.values()) if asked else []
     training = training | {"decided": open_keys}
     return config | {"models": models, "scenes": scenes, "training": training}
 
@@ -52,7 +52,7 @@ def open_of_model(given):
     return found
 
 
-def open_of_training(given, scenes):
+def open_of_training(given, scenes, models):
     """Its steps, where neither training nor a scene says how long it is."""
     usual = (None,)
     if "decided" in given:
@@ -60,6 +60,8 @@ def open_of_training(given, scenes):
             return []
         usual = (None, Training().steps)
     said = [(one.get("steps"), one.get("budget_min")) for one in (given, *scenes)]
+    if any("steps" in (model.get("training") or {}) for model in models):
+        return []
     if any(steps not in usual or budget_min for steps, budget_min in said):
         return []
     return list(OPEN_OF_TRAINING)

@@ -106,6 +106,9 @@ class Common(Keys):
         "cameras adjusted again where held-out tracks gain by it; null: true, but "
         "false for courtyard",
     )
+    published: str | None = key(
+        None, "what papers call the scene: its tables show what they print for it"
+    )
     downscale: int | Literal["auto"] = key(
         1,
         "photos are made smaller by this factor, by area averaging; auto: the least "
@@ -154,6 +157,12 @@ class Common(Keys):
         "image's center)",
         least=0,
         most=1000,
+    )
+    perturb_by: Literal["rotation", "translation", "both"] = key(
+        "rotation",
+        "the error's kind: cameras turn, with one error at every depth; or translate "
+        "across their axes, with perturb_px at the depth of the point that they look "
+        "at, and less beyond; or both, with perturb_px together",
     )
     triangulate: bool | None = key(
         None,

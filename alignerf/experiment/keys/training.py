@@ -87,9 +87,9 @@ def warmup(training):
     return {"warmup_steps": given}
 
 
-# Keys of `training` in which a model's trainings differ, but not in how long they are.
-# A job's training has taken them in, so that of a job nothing is left here.
-SAME = {"steps", "budget_min"}
+# Keys of `training` in which a model's trainings differ, but not in their budget. A
+# job's training has taken them in, so that of a job nothing is left here.
+SAME = {"budget_min"}
 DIFFER = [name for name in Training.model_fields if name not in SAME]
 Changes = given(
     pydantic.create_model("Changes", __base__=Keys, **some(Training, *DIFFER))

@@ -14,17 +14,22 @@ from alignerf.experiment.steps import scenes, trainings
 class Rules:
     """`Rule`s by their names.
 
-    local: marks a path in no storage, for Snakemake. requests: `costs.requests`.
+    experiments: `plan.Experiments`, or one Experiment. local: marks a path in no
+    storage, for Snakemake. requests: `costs.requests`.
     """
 
-    def __init__(self, experiment, local, requests):
-        self.experiment, self.asked = experiment, (local, requests)
+    def __init__(self, experiments, local, requests):
+        self.experiments, self.asked = experiments, (local, requests)
 
     def __getattr__(self, name):
         step = vars(scenes).get(name) or vars(trainings)[name]
-        found = Rule(functools.partial(step, self.experiment), *self.asked)
+        found = Rule(functools.partial(self.of_scene, step), *self.asked)
         setattr(self, name, found)
         return found
+
+    def of_scene(self, step, wildcards):
+        """The `Step` of a job, by the experiment of its scene."""
+        return step(self.experiments.of(wildcards.scene), wildcards)
 
 
 class Rule:

@@ -91,12 +91,14 @@ def collect(experiment, w):
 
 def tables(experiment, w):
     """A table of a scene, as CSV and LaTeX."""
-    scene, published = layout.Scene(w.scene), rows.published(w.scene)
+    scene, called = layout.Scene(w.scene), experiment.scenes[w.scene]["published"]
+    published = rows.published(called)
     command = words(
         "alignerf.tabulate",
         scene=scene,
         tables=w.table,
         published=published,
+        called=called if published else None,
         configs=scene.config,
         out=scene.tables,
     )
@@ -104,7 +106,7 @@ def tables(experiment, w):
     return Step(command, inputs | {"config": scene.config}, {"published": published})
 
 
-def figures(experiment, w):
+def draw(experiment, w):
     """The figures of a scene."""
     scene, crops = layout.Scene(w.scene), compared(experiment, w.scene)
     shown, at = test_views(experiment, w.scene), experiment.reference_folder(w.scene)
@@ -131,20 +133,44 @@ def test_views(experiment, scene):
     every = range(experiment.last_round(scene, method) + 1)
     shown = [(experiment.folder(scene, method, k), None) for k in every]
     moved = [n for n in experiment.trained() if experiment.moves(n, 0)]
-    for name in dict.fromkeys([*experiment.names("in_loop"), *moved]):
+    others = at_length(experiment, scene, [*experiment.names("in_loop"), *moved])
+    for name in dict.fromkeys(others):
         shown.append((experiment.folder(scene, name, 0), name))
     return [rows.Renders(f"{f}/renders/test", f"{f}/flow/test", m) for f, m in shown]
 
 
+def at_length(experiment, scene, methods):
+    """Those of methods that are trained at a scene's length."""
+    return [name for name in methods if experiment.is_scored(scene, name)]
+
+
 def compared(experiment, scene):
-    """Test views of staged methods and, before them, of what each is set against."""
-    staged = experiment.names("in_crops")
-    bases = [experiment.baseline(method) for method in staged]
+    """Test views side by side: a baseline, the same warped, and what is set against it.
+
+    Of the methods of AligNeRF's loss, and those that move cameras from the start; the
+    reference's without such.
+    """
+    if "test" not in experiment.capture(scene).splits(experiment.scenes[scene]):
+        return []
+    others = [*experiment.names("in_crops")]
+    others += [n for n in experiment.trained() if "cameras" in experiment.moves(n, 0)]
+    others = at_length(experiment, scene, others)
+    bases = [experiment.baseline(method) for method in others]
+    chosen = []
+    for method in dict.fromkeys(bases or [experiment.config["reference"]["method"]]):
+        chosen += [(method, k) for k in {0, experiment.last_round(scene, method)}]
+    chosen += [(method, 0) for method in dict.fromkeys(others) if method not in bases]
     found = []
-    for method in dict.fromkeys([*bases, *staged]):
-        at = experiment.folder(scene, method, 0)
-        found.append(rows.Renders(f"{at}/renders/test", f"{at}/flow/test", method))
+    for method, k in chosen:
+        at = experiment.folder(scene, method, k)
+        name = method_name(method, k)
+        found.append(rows.Renders(f"{at}/renders/test", f"{at}/flow/test", name))
     return found
+
+
+def method_name(method, round):
+    """How a figure calls a method after a round."""
+    return f"{method}, round {round}" if round else method
 
 
 def verdict(experiment, w):
@@ -158,7 +184,7 @@ def verdict(experiment, w):
         own["before"] = capture.before(experiment.scenes[w.scene])
     else:
         tells["misalignment"] = scene.misalignment
-        for name in experiment.names("in_loop"):
+        for name in at_length(experiment, w.scene, experiment.names("in_loop")):
             aligned[name] = f"{experiment.folder(w.scene, name, 0)}/timing.json"
         corrected = corrections(experiment, w.scene)
     command = words(
@@ -184,7 +210,7 @@ def corrections(experiment, scene):
         return {}
     return {
         name: experiment.folder(scene, name, 0).cameras
-        for name in experiment.trained()
+        for name in at_length(experiment, scene, experiment.trained())
         if "cameras" in experiment.moves(name, 0)
     }
 
@@ -276,7 +302,8 @@ def moved_cameras(experiment, scene):
             return None
         return "flow", exported(experiment, scene, reference, "cameras")[0]
     chosen = {n: experiment.methods[n] for n in experiment.trained()}
-    moving = [name for name in chosen if "cameras" in experiment.moves(name, 0)]
+    known = at_length(experiment, scene, chosen)
+    moving = [name for name in known if "cameras" in experiment.moves(name, 0)]
     moving.sort(key=lambda name: -methods.of_method(chosen[name]).order)
     for name in (*moving, *[reference] * (reference in chosen)):
         training = last_training(experiment, scene, name)

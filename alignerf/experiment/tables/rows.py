@@ -16,10 +16,11 @@ class Row(NamedTuple):
     that only leads to others. description: field and kind of the method, in words.
     moves_cameras, moves_photos: whether it has changed them by then (`methods.moves`).
     baseline, base: the method whose round 0 it is set against, and that one's folder.
-    published: what papers call it. way: the folders of all trainings that lead to it,
-    its own last. flows: those of them whose training views were rendered and aligned.
-    corrected: those whose cameras were then corrected. before: the folder whose flow a
-    round begins with. files: {what it tells: path}, see `alignerf.tables.collect`.
+    published: what papers call the method. way: the folders of all trainings that lead
+    to it, its own last. flows: those of them whose training views were rendered and
+    aligned. corrected: those whose cameras were then corrected. before: the folder
+    whose flow a round begins with. files: {what it tells: path}, see
+    `alignerf.tables.collect`.
     """
 
     folder: str
@@ -120,8 +121,7 @@ def scored(experiment, scene, method, round, aligned_pose):
         description=experiment.label(method),
         baseline=baseline,
         base=base,
-        # Of the method as it is; no table has one of its rounds.
-        published=experiment.methods[method]["published"] if round == 0 else None,
+        published=experiment.methods[method]["published"],
         moves_cameras="cameras" in moved,
         moves_photos="photos" in moved,
     )
@@ -157,7 +157,7 @@ def published_table():
 
 
 def published(scene):
-    """Tables of papers, beside the sources, with a row of a scene of this name."""
+    """Tables of papers, beside the sources, with a row of what they call this."""
     return [str(path) for path in sorted(PUBLISHED.glob("*.csv")) if has(path, scene)]
 
 

@@ -1,7 +1,8 @@
 """Tables across scenes: what each scene is like, and the rows of each table."""
 
 import hashlib
-from collections.abc import Callable
+import types
+from collections.abc import Callable, Mapping
 from typing import NamedTuple
 
 from alignerf.captures import base
@@ -39,9 +40,9 @@ LENGTH = ("seed", "steps", "budget_min")
 SIZE = (*LENGTH, "downscale", "images")
 
 
-def of_experiment(experiment):
-    """The `Scene` of each scene in the config."""
-    return [of_scene(experiment, name) for name in experiment.captures()]
+def of_experiment(experiment, names=None):
+    """The `Scene` of each capture in the config, or of these scenes."""
+    return [of_scene(experiment, name) for name in names or experiment.captures()]
 
 
 def of_scene(experiment, name):
@@ -61,7 +62,7 @@ def of_scene(experiment, name):
         perturb_px=scene["perturb_px"],
         motion_m=motion_m,
         steps=scene["steps"],
-        share=length_fraction(experiment, name),
+        share=experiment.share(name),
         reference=experiment.at(name, reference, 0).owner,
     )
 
@@ -81,7 +82,7 @@ def capture_of(scene):
     """A key, equal for scenes of the same photos at different sizes.
 
     The pose error `perturb_px` is in pixels of the training size. The key has it in
-    pixels of the full size, where an equal angle is an equal number.
+    pixels of the full size, where an equal angle or length is an equal number.
     """
     if scene["downscale"] != "auto":
         scaled = {"perturb_px": scene["perturb_px"] * scene["downscale"]}
@@ -89,20 +90,13 @@ def capture_of(scene):
     return without(scene, *SIZE)
 
 
-def length_fraction(experiment, scene):
-    """A scene's length of training over the config's; None where the units differ."""
-    own, whole = experiment.scenes[scene], experiment.config["training"]
-    key = "steps" if whole["steps"] else "budget_min"
-    return own[key] / whole[key] if own[key] else None
-
-
-def compared(experiment):
-    """All `Scene`s, for the comparison (the paper's Tables 2 and 3).
+def compared(experiment, names=None):
+    """All `Scene`s, or these, for the comparison.
 
     Raises ValueError where a scene's length is in steps and the config's in minutes, or
     the other way round.
     """
-    found = of_experiment(experiment)
+    found = of_experiment(experiment, names)
     key = "steps" if experiment.config["training"]["steps"] else "budget_min"
     for scene in found:
         if scene.share is None:
@@ -111,44 +105,11 @@ def compared(experiment):
     return found
 
 
-def regimes(experiment):
-    """All `Scene`s, for the table of regimes.
-
-    Raises ValueError where the config has no staged method, or no baseline for it.
-    """
-    regime_base(experiment)
-    return of_experiment(experiment)
-
-
-def regime_base(experiment):
-    """The name of the method that is the baseline of all staged methods."""
-    staged = experiment.names("in_crops")
-    base = {experiment.baseline(method) for method in staged}
-    if len(base) != 1 or base & set(staged):
-        raise ValueError(
-            "config: methods: regimes need methods with alignerf or aligned_loss, and "
-            "one without"
-        )
-    return next(iter(base))
-
-
-def in_regimes(experiment, scene):
-    """(method, round) of every row: the baseline, the staged methods, warping rounds.
-
-    Warping rounds are those of the baseline, and of warm methods that start from the
-    baseline. Staged methods should reach the scores of warping rounds at less cost.
-    """
-    base = regime_base(experiment)
-    warm = experiment.names("goes_on")
-    going_on = [method for method in warm if experiment.baseline(method) == base]
-    return [
-        *((method, 0) for method in (base, *experiment.names("in_crops"))),
-        *(
-            (method, round)
-            for method in (base, *going_on)
-            for round in range(1, experiment.last_round(scene, method) + 1)
-        ),
-    ]
+def printed(experiment):
+    """The same of a table of the paper: crops stand for the scenes that they are of."""
+    found = compared(experiment, list(experiment.scenes))
+    cropped = {one.alike for one in found if experiment.crops(one.scene)}
+    return [one for one in found if one.alike not in cropped]
 
 
 def remedies(experiment):
@@ -186,6 +147,19 @@ def in_remedies(experiment, scene):
     return list(dict.fromkeys([(remedy_base(experiment), 0), *last]))
 
 
+def in_arm(experiment, scene):
+    """(method, 0) of every row: where poses are right, methods that leave them so.
+
+    The paper's NeRF has the true poses. BARF, which learns poses, has perturbed ones.
+    """
+    wrong = experiment.scenes[scene]["perturb_px"] > 0
+    return [
+        (name, 0)
+        for name in experiment.trained()
+        if ("cameras" in experiment.moves(name)) == wrong
+    ]
+
+
 def rows_of(experiment, scene, table):
     """The `Row`s of a table, and of the trainings that lead to them.
 
@@ -196,7 +170,7 @@ def rows_of(experiment, scene, table):
         return rows.of_scene(experiment, scene)
     name = table.removesuffix("/")
     chosen = OF_TABLES[name](experiment, scene)
-    every = rows.collected(experiment, scene, chosen, aligned_pose=name != "regimes")
+    every = rows.collected(experiment, scene, chosen, aligned_pose=True)
     if name == "remedies":
         # The first row also has the flow from renders to photos: of the training views,
         # where that exists; else of the test views.
@@ -209,77 +183,120 @@ def rows_of(experiment, scene, table):
 
 # (method, round) of every row of a table across scenes, in its folder below a scene's.
 OF_TABLES = {
-    "regimes": in_regimes,
     "remedies": in_remedies,
     "comparison": lambda experiment, scene: experiment.scored(scene),
+    "arm": in_arm,
 }
 
 
 class Across(NamedTuple):
-    """A table across scenes: a rule, and a target of its name.
+    """A table across an experiment's scenes: a rule, and a target of its name.
 
-    scenes: from the experiment to its `Scene`s; ValueError for a config of which there
-    is no such table. of: whose rows it has, of OF_TABLES. reads: files of each scene
-    that it reads besides. stem: what its files are called. beside: option and suffix of
-    what is made beside the table. more: options of its own. published: files beside the
-    sources. about: what it makes, in a line.
+    command: the module in alignerf/tables/across that makes it. scenes: from the
+    experiment to its `Scene`s; ValueError for a config of which there is no such table.
+    of: whose rows it has, of OF_TABLES. reads: files of each scene that it reads
+    besides. beside: {option: suffix} of what is made beside the table. more: options of
+    its own. published: files beside the sources. chosen: scenes that it is narrowed to;
+    none: all.
     """
 
     name: str
     about: str
-    scenes: Callable
-    of: str
-    stem: str
+    experiment: object
+    command: str = "comparison"
+    scenes: Callable = compared
+    of: str = "comparison"
     reads: tuple = ()
-    beside: tuple[str, str] = ("figure", ".png")
+    beside: Mapping = types.MappingProxyType({"figure": ".png"})
     more: tuple = ()
     published: tuple = ()
+    chosen: tuple = ()
 
     @property
     def module(self):
-        """The command."""
-        return f"alignerf.tables.across.{self.name}"
+        """The command's module."""
+        return f"alignerf.tables.across.{self.command}"
 
-    def inputs(self, experiment):
+    @property
+    def found(self):
+        """The `Scene`s that it has."""
+        every = faults.or_exit(self.scenes, self.experiment)
+        return [one for one in every if not self.chosen or one.scene in self.chosen]
+
+    @property
+    def inputs(self):
         """Outputs of rules that it waits for."""
         names = (f"{self.of}/scores.csv", f"{self.of}/trainings.csv", *self.reads)
-        found = faults.or_exit(self.scenes, experiment)
-        return [f"{layout.Scene(one.scene)}/{name}" for one in found for name in names]
+        return [f"{layout.Scene(o.scene)}/{name}" for o in self.found for name in names]
 
-    def options(self, experiment):
+    @property
+    def options(self):
         """Words of its command line."""
-        found = faults.or_exit(self.scenes, experiment)
-        return ["--scenes", rows.as_json(found), *self.more]
+        return ["--scenes", rows.as_json(self.found), *self.more]
 
-    def configs(self, experiment):
+    @property
+    def configs(self):
         """The scenes' complete configs."""
-        return [layout.Scene(name).config for name in experiment.captures()]
+        return [layout.Scene(one.scene).config for one in self.found]
+
+    def files(self):
+        """What it makes: the table as CSV and LaTeX, and what lies beside."""
+        ends = (".csv", ".tex", ".provenance.json", *self.beside.values())
+        return [f"{layout.RESULTS}/{self.name}{end}" for end in ends]
 
 
-def across(experiment):
-    """All tables across scenes."""
-    published, number = rows.published_table(), experiment.config["published_table"]
-    printed = words("", published=published, published_table=number)[1:]
+def across(experiments, narrowed=types.MappingProxyType({})):
+    """All tables across scenes of `plan.Experiments`; narrowed: {table: its scenes}."""
+    first = experiments.by_name.get("")
+    found = list(own_tables(first)) if first else []
+    for name, experiment in experiments.by_name.items():
+        if experiment.config["published_table"] and name:
+            found.append(printed_table(name, experiment))
+    if arm := experiments.by_name.get("figures"):
+        about = "Compare NeRF and BARF on a moving arm"
+        found.append(Across("arm", about, arm, command="arm", of="arm"))
+    named = {table.name: table for table in found}
+    if trade := experiments.by_name.get("tradeoff"):
+        named["tradeoff"] = trade_table(trade)
     return [
-        Across(
-            *("regimes", "Make the table of when each part of AligNeRF pays"),
-            *(regimes, "regimes", experiment.config["regimes"]),
-            reads=("testset/displacement.csv",),
-        ),
-        Across(
-            *("remedies", "Compare all fixes at equal training time"),
-            *(remedies, "remedies", "remedies"),
-            reads=("facts.json",),
-        ),
-        Across(
-            *("tradeoff", "Compare what settings cost with what they bring"),
-            *(compared, "comparison", "tradeoff"),
-        ),
-        Across(
-            *("comparison", "Compare all methods on all scenes: Tables 2 and 3"),
-            *(compared, "comparison", "comparison"),
-            beside=("ranking", "_ranking.csv"),
-            more=tuple(printed),
-            published=(published,),
-        ),
+        table._replace(chosen=tuple(narrowed.get(table.name, ())))
+        for table in named.values()
     ]
+
+
+def own_tables(experiment):
+    """The tables of the config that runs, a published one that it names among them."""
+    yield Across(
+        *("remedies", "Compare all fixes at equal training time", experiment),
+        command="remedies",
+        scenes=remedies,
+        of="remedies",
+        reads=("facts.json",),
+    )
+    yield trade_table(experiment)
+    yield printed_table("comparison", experiment)
+    if number := experiment.config["published_table"]:
+        yield printed_table(f"table{number}", experiment)
+
+
+def trade_table(experiment):
+    """Seconds against dB of every method and length."""
+    about = "Compare what settings cost with what they bring"
+    return Across("tradeoff", about, experiment, command="tradeoff")
+
+
+def printed_table(name, experiment):
+    """All methods on all scenes, beside what the paper prints of its table's."""
+    published, number = rows.published_table(), experiment.config["published_table"]
+    more = words("", published=published, published_table=number)[1:]
+    about, scenes = "Compare all methods on all scenes", compared
+    if name != "comparison":
+        about, scenes = f"Make the paper's Table {number} beside the paper's", printed
+    return Across(
+        *(name, about, experiment),
+        scenes=scenes,
+        reads=("cameras.npz",),
+        beside={"ranking": "_ranking.csv", "effects": "_effects.csv"},
+        more=tuple(more),
+        published=(published,),
+    )

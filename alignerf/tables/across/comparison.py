@@ -1,41 +1,51 @@
-"""The paper's Tables 2 and 3: `python -m alignerf.tables.across.comparison`.
+"""The paper's tables: `python -m alignerf.tables.across.comparison`.
 
 Of all that was trained, or given as renders, on all scenes; writes CSV and LaTeX. Means
 are over scenes, and the CSV has each scene's own lines below; scenes that were trained
 for another share of the steps are a group of their own (the paper's 1x and 4x).
 Differences are paired by view; 95 % intervals are over scenes, seeds and views. What
 the paper prints for a method stands below ours, or at the end where no method is called
-so, and is compared with nothing. Also writes whether test sets rank the methods alike,
-which the paper's Table 2 claims.
+so. Also writes whether test sets rank the methods alike, which the paper's Table 2
+claims, and the paper's effects beside ours (`alignerf.tables.effects`).
 """
 
 import itertools
+from pathlib import Path
 
 import numpy as np
 import pandas as pd
 
 from alignerf import testsets
 from alignerf.io import atomic, csv_files, faults
-from alignerf.tables import columns, frame, latex, misalignment, ranking, scores
+from alignerf.scenes import prepared
+from alignerf.tables import (
+    columns,
+    effects,
+    frame,
+    latex,
+    misalignment,
+    ranking,
+    scores,
+)
 from alignerf.tables.columns import METRICS
 
 TEST_SETS = testsets.shown_in("comparison")
-# Of these the LaTeX table shows what the paper's does.
-PRINTED_SETS = ("standard", "warped")
 PRINTED = misalignment.PRINTED
+# As the paper has them in one cell.
+BOTH = ("standard", "warped")
 COSTS = ("train_time_s", "total_time_s", "rays_seen", "params")
 # In column `scene`: means over all.
 ALL = "all"
 NOTES = (
-    "Means over scenes. Gains are in PSNR over the method that a row is set",
-    "against, paired by view; 95 % intervals; bold: 0 is outside. Published",
-    "rows are as printed: their LPIPS is of a network that is not released,",
-    "their minutes are of 32 cores of a TPU v2.",
+    "Means over scenes: standard / warped test set. Published rows are grey and as",
+    "printed: their LPIPS is of a network that is not released, their minutes are of",
+    "32 cores of a TPU v2.",
 )
 
 
 OPTIONS = frame.OPTIONS | {
     "ranking": "CSV, written",
+    "effects": "CSV, written",
     "[published]": "CSV of what papers print",
     "[published-table]": ("which of its tables", int),
 }
@@ -46,9 +56,29 @@ def main(argv=None):
     views = frame.read_scenes(args, "comparison")
     printed = printed_lines(args.published, args.published_table)
     table, ranks = make_table(views, printed), make_ranking(views)
-    with atomic.replace_file(args.ranking) as path:
-        ranks.to_csv(path, index=False, float_format="%.6g")
+    found = pd.DataFrame(columns=columns.names("effects"))
+    if printed:
+        pixels = {one: pixels_of(Path(args.results) / one) for one in scenes_of(views)}
+        every = csv_files.read(args.published)
+        found = effects.of_table(args.published_table, views, every, pixels)
+    with (
+        atomic.replace_file(args.ranking) as ranked,
+        atomic.replace_file(args.effects) as compared,
+    ):
+        ranks.to_csv(ranked, index=False, float_format="%.6g")
+        frame.without_empty(found).to_csv(compared, index=False, float_format="%.6g")
         frame.write_across(table, to_latex, views, args)
+
+
+def scenes_of(views):
+    return views["scene"].unique()
+
+
+def pixels_of(scene):
+    """How many pixels the training photos of a prepared scene have."""
+    cameras = prepared.read_cameras(scene / "cameras.npz")
+    train = np.count_nonzero(cameras["split"] == "train")
+    return train * int(cameras["width"]) * int(cameras["height"])
 
 
 def make_table(views, printed=()):
@@ -59,7 +89,8 @@ def make_table(views, printed=()):
         left = [line | labels for line in printed if line["group"] == labels["group"]]
         for _, own in frame.shared(group).groupby(frame.ROW, sort=False):
             lines += lines_of(labels, own, group)
-            called = own["published"].iloc[0]
+            first = own.iloc[0]
+            called = first["published"], scores.warping(first["round"])
             lines += [line for line in left if line["called"] == called]
             left = [line for line in left if line["called"] != called]
         # What others run: ours can only be set beside it.
@@ -84,6 +115,7 @@ def lines_of(labels, own, group):
         costs[key] = costs[key] if np.isnan(costs[key]) else round(costs[key])
     labels = labels | {"method": first["method"], "field": first["description"]}
     labels |= {"warping": scores.warping(first["round"])} | costs
+    labels |= {"published": first["published"]}
     if pd.isna(first["way"]):
         del labels["memory_mib"]
     for test_set, lines in frame.sets_of_all(own, TEST_SETS):
@@ -95,22 +127,25 @@ def lines_of(labels, own, group):
 
 
 def printed_lines(path, number):
-    """Lines of a table of the paper; `called` is what it calls the method."""
+    """Lines of a table of the paper; `called`: its name of the method, its warping."""
     if not path or number is None:
         return []
-    names = ("source", "table", "group", "method", "test_set", "hours", "params_m")
-    table = csv_files.read(path, columns=(*names, *PRINTED))
+    names = ("source", "table", "group", "method", "warping", "test_set")
+    table = csv_files.read(path, columns=(*names, "hours", "params_m", *PRINTED))
+    # Tables 1 and 4 have one length, which ours is set beside.
+    table = table.fillna({"group": effects.named(1)})
     lines = []
     for row in table[table["table"] == number].to_dict("records"):
         params = row["params_m"]
         kept = ("group", "test_set", "source", *PRINTED)
         lines.append(
             {
-                "called": row["method"],
+                "called": (row["method"], row["warping"]),
+                "published": row["method"],
                 "method": f"{row['method']}, published",
                 "total_time_s": 3600 * row["hours"],
                 "params": pd.NA if pd.isna(params) else round(1e6 * params),
-                "warping": scores.warping(0),
+                "warping": row["warping"],
                 **{key: row[key] for key in kept},
             }
         )
@@ -141,22 +176,32 @@ def make_ranking(views):
 
 
 def to_latex(table):
-    """The means, standard and warped side by side; published rows are grey."""
+    """The means in the paper's columns, standard / warped; published rows are grey."""
     table = table[table["scene"] == ALL]
-    printed = table["source"].notna()
-    names = pd.Series(latex.names(table["method"], table["warping"]), table.index)
+    keys = ["group", "method", "warping"]
+    lines = table.drop_duplicates(keys).set_index(keys, drop=False)
+    sets = {name: table[table["test_set"] == name].set_index(keys) for name in BOTH}
+    printed = lines["source"].notna()
+    names = pd.Series(latex.names(lines["method"], lines["warping"]), lines.index)
     grey = r"\textcolor{gray}{" + names + "}"
+    shown, heads = {}, {}
+    for key, heading, form in misalignment.metrics(table):
+        pair = [own[key].reindex(lines.index) for own in sets.values()]
+        shown[key] = latex.side_by_side(*pair, form, METRICS.get(key), printed)
+        heads[key] = heading
     return latex.of_lines(
-        table,
-        {"Length": table["group"], "Method": names.where(~printed, grey)},
-        [*misalignment.metrics(table), ("difference_db", "gain (dB)", "interval")],
-        by="test_set",
-        values=[name for name in PRINTED_SETS if name in set(table["test_set"])],
-        fixed=[("total_time_s", "min", "min"), ("params", "params (M)", "M")],
+        lines.assign(**shown).reset_index(drop=True),
+        {
+            "Length": list(lines["group"]),
+            "Method": list(names.where(~printed, grey)),
+        },
+        [],
+        fixed=[
+            *((key, heading, "cells") for key, heading in heads.items()),
+            ("total_time_s", "time (min)", "min"),
+            ("params", "params (M)", "M"),
+        ],
         notes=NOTES,
-        best=METRICS,
-        others=printed,
-        within="Length",
     )
 
 

@@ -5,7 +5,7 @@ import shutil
 import pytest
 
 from alignerf.cli import export, workflow
-from alignerf.experiment import targets
+from alignerf.experiment import shipped, targets
 from alignerf.io import faults, machine, provenance
 
 
@@ -47,7 +47,7 @@ def test_the_demo_has_no_config_in_results(here, runs, capsys):
     assert faults.exit_code(export.main, ["courtyard"]) == 1
     (here / "results/courtyard").mkdir()
     made = here / "results/courtyard/config.yaml"
-    shutil.copy(targets.DEMO, made)
+    shutil.copy(shipped.DEMO, made)
     export.main(["courtyard"])
     assert runs == [("None", ("export",), [])]
     made.write_text("scenes: {courtyard: {source: external_renders}}\nmethods: {}\n")

@@ -1,6 +1,8 @@
 """Faults of a config: one line that names the key, or the file and its line."""
 
+import copy
 import datetime
+import re
 
 import pytest
 
@@ -56,7 +58,6 @@ def edit(config, where, value):
             -1,
             "radius_px: -1 should be greater",
         ),
-        ("regimes", "../x", "regimes: '../x' should match"),
         ("methods.images", {"model": "base", "rounds": 0}, "methods.images: a folder"),
         ("models.base.near", 1e6, "models.base: near must be smaller than far"),
         (
@@ -163,8 +164,6 @@ def edit(config, where, value):
         ("scenes.a/b", {"source": "courtyard"}, "scenes: 'a/b' should match"),
         ("scenes.a\n", {"source": "courtyard"}, r"scenes: 'a\\n' should match"),
         ("scenes.mine", {"source": "photos"}, "scenes.mine.path: source 'photos'"),
-        ("frequency_weights", "no.npz", "frequency_weights: no.npz does not exist"),
-        ("lpips.vgg", "no.npz", "lpips.vgg: no.npz does not exist"),
         ("lpips.vgg19", "no.npz", "lpips: 'vgg19' is no key .*'vgg'"),
         ("lpips.alex", 3, "lpips.alex: 3 should be a valid string"),
         ("scenes.tradeoff@csv", {"source": "courtyard"}, "tradeoff.csv: a file of"),
@@ -318,10 +317,9 @@ SEVEN = {"source": "courtyard", "courtyard": {"zooms": [1] * 7}}
             {"models": {"m": {"field": {"degrees": 4}}}},
             "models.m.field: 'degrees' is no key",
         ),
-        ({"regimes": "tradeoff"}, "regimes: tradeoff has files of its own"),
         (
-            {"scenes": {"alignerf_regimes.csv": {"source": "courtyard"}}},
-            "scenes.alignerf_regimes.csv: a file of the results",
+            {"scenes": {"table1_effects.csv": {"source": "courtyard"}}},
+            "scenes.table1_effects.csv: a file of the results",
         ),
         (
             {"scenes": {"a": {"source": "photos", "path": "x" * 300}}},
@@ -472,12 +470,35 @@ def test_keys_of_earlier_versions_are_refused_with_the_new(demo, section, old, n
         check.checked(demo)
 
 
-def test_dilated_patches_are_refused_with_what_replaces_them(demo):
-    demo["methods"]["mipnerf360"]["alignerf"] = {"dilation": 6}
-    with pytest.raises(
-        ValueError, match=r"'dilation' is no key .*`aligned_loss: \{\}`"
-    ):
+@pytest.mark.parametrize(
+    ("where", "value", "instead"),
+    [
+        ("methods.mipnerf360.alignerf", {"dilation": 6}, r"`aligned_loss: \{\}`"),
+        ("regimes", "mine", "`snakemake comparison` .* `table4`"),
+    ],
+)
+def test_removed_keys_are_refused_with_what_replaces_them(demo, where, value, instead):
+    edit(demo, where, value)
+    with pytest.raises(ValueError, match=f"is no key .*{instead}"):
         check.checked(demo)
+
+
+@pytest.mark.parametrize(
+    ("where", "told"),
+    [
+        ("lpips.vgg", "no.npz does not exist: no column lpips_vgg"),
+        ("frequency_weights", "no.npz does not exist: the high-frequency loss takes "),
+    ],
+)
+def test_weights_that_are_not_there_are_told_once_and_left_out(
+    demo, where, told, monkeypatch, capsys
+):
+    monkeypatch.setattr(check, "TOLD", set())
+    without = check.checked(copy.deepcopy(demo))
+    edit(demo, where, "no.npz")
+    for _ in range(2):
+        assert check.checked(copy.deepcopy(demo)) == without
+    assert re.fullmatch(f"warning: {where}: {told}.*\n", capsys.readouterr().err)
 
 
 def test_a_users_own_names_may_be_of_an_earlier_version(demo):

@@ -2,46 +2,14 @@
 
 import pytest
 
-from alignerf.experiment.tables import rows, scenes
-
-WARM = {"from": "mipnerf360", "learning_rates": [0.005, 0.001]}
+from alignerf.experiment import plan
+from alignerf.experiment.tables import scenes
 
 
 def names_of(experiment, scene, table):
     """(method, round) of a table's rows, without what only leads to them."""
     every = scenes.rows_of(experiment, scene, table)
     return [(row.method, row.round) for row in every if row.method]
-
-
-def test_regimes_have_the_baseline_first_and_warped_photos_last(demo, experiment_of):
-    demo["scenes"]["again"] = demo["scenes"]["courtyard"] | {"seed": 1}
-    # Neither where a method stands nor one of another model changes the rows.
-    demo["methods"] = {
-        "warm": {"model": "base", "rounds": 1, "warm_start": WARM},
-        "other": {"model": "large", "rounds": 1},
-        **{name: demo["methods"][name] for name in ("mipnerf360", "alignerf")},
-    }
-    experiment = experiment_of(demo)
-    assert names_of(experiment, "again", "regimes/") == [
-        ("mipnerf360", 0),
-        ("alignerf", 0),
-        ("mipnerf360", 1),
-        ("mipnerf360", 2),
-        ("warm", 1),
-    ]
-    first, second = scenes.regimes(experiment)
-    assert (first.seed, second.seed) == (0, 1)
-    assert first.like == second.like
-    for scene in (first, second):
-        assert (scene.perturb_px, scene.motion_m, scene.steps) == (1.5, 0.02, 2000)
-    every = scenes.rows_of(experiment, "again", "regimes/")
-    (warped,) = (row for row in every if (row.method, row.round) == ("mipnerf360", 1))
-    assert warped.flows == ["mipnerf360/round0"]
-    rendered = "results/again/mipnerf360/round0/render"
-    assert rendered in rows.files_of(every)
-    demo["methods"].pop("alignerf")
-    with pytest.raises(ValueError, match="regimes need methods with alignerf"):
-        scenes.regimes(experiment_of(demo))
 
 
 def test_remedies_are_every_methods_last_round_at_every_length(demo, experiment_of):
@@ -109,19 +77,34 @@ def test_a_round_begins_with_the_flow_of_the_one_before(demo, experiment_of):
         assert not row.files.keys() & {"parts", *processes}
 
 
-@pytest.mark.parametrize("table", ["regimes", "remedies", "comparison", "tradeoff"])
+@pytest.mark.parametrize("table", ["remedies", "comparison", "tradeoff", "table2"])
 def test_a_table_across_scenes_waits_for_their_rows(demo, experiment_of, table):
     demo["methods"]["mipnerf360_large"]["model"] = "base"
-    experiment = experiment_of(demo)
-    (made,) = (one for one in scenes.across(experiment) if one.name == table)
-    of = "comparison" if table == "tradeoff" else table
+    demo["methods"]["mipnerf360"]["published"] = "mip-NeRF 360"
+    found = scenes.across(
+        plan.Experiments({"": experiment_of(demo | {"published_table": 2})})
+    )
+    (made,) = (one for one in found if one.name == table)
+    of = "remedies" if table == "remedies" else "comparison"
     folder = f"results/courtyard/{of}"
     files = [f"{folder}/scores.csv", f"{folder}/trainings.csv"]
-    more = {"regimes": ["testset/displacement.csv"], "remedies": ["facts.json"]}
-    beside = [f"results/courtyard/{path}" for path in more.get(table, [])]
-    assert made.inputs(experiment) == [*files, *beside]
-    assert made.options(experiment)[0] == "--scenes"
-    assert made.configs(experiment) == ["results/courtyard/config.yaml"]
+    more = {"remedies": "facts.json", "comparison": "cameras.npz"}
+    beside = more.get(table.replace("table2", "comparison"))
+    assert made.inputs == [*files, *[f"results/courtyard/{beside}"] * bool(beside)]
+    assert made.options[0] == "--scenes"
+    assert made.configs == ["results/courtyard/config.yaml"]
+    assert f"results/{table}.csv" in made.files()
+    effects = table in ("comparison", "table2")
+    assert (f"results/{table}_effects.csv" in made.files()) == effects
+
+
+def test_crops_stand_in_a_table_of_the_papers_for_what_they_are_of(demo, experiment_of):
+    whole = demo["scenes"]["courtyard"]
+    demo["scenes"]["crop"] = whole | {"crop": {"of": "courtyard", "count": 1}}
+    demo["scenes"]["other"] = whole | {"perturb_px": 0}
+    demo["vary"] = {"lengths": [1, 4]}
+    found = scenes.printed(experiment_of(demo))
+    assert [one.scene for one in found] == ["crop", "crop_x4", "other", "other_x4"]
 
 
 def test_what_is_compared_has_a_length_of_the_configs_kind(demo, experiment_of):

@@ -120,7 +120,7 @@ def test_editors_take_every_config_of_ours(editors, root):
         {"models": {"m": {"field": {"kind": "mlp", "levels": 3}}}},
         {"models": {"m": {"field": {"levels": 0}}}},
         {"models": {"m": {"spacing": "linear"}}},
-        {"models": {"m": {"training": {"steps": 5}}}},
+        {"models": {"m": {"training": {"budget_min": 5}}}},
         {"methods": {"m": {"rounds": 17}}},
         {"methods": {"m": {"warm_start": {}}}},
         {"training": {"learning_rates": [1]}},

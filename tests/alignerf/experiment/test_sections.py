@@ -8,7 +8,7 @@ import re
 
 import pytest
 
-from alignerf.experiment import sources
+from alignerf.experiment import plan, sources
 from alignerf.experiment.tables import scenes
 
 JOB = {"model", "training"}
@@ -41,7 +41,10 @@ def stages(root, demo, experiment_of):
         for folder in ("workflow/rules", "alignerf/experiment/steps")
         for path in (root / folder).glob("*.*")
     )
-    tables = {table.module for table in scenes.across(experiment_of(demo))}
+    tables = {
+        table.module
+        for table in scenes.across(plan.Experiments({"": experiment_of(demo)}))
+    }
     named = re.findall(r"(?:python -m |words\(\s*\")([\w.]+)", text)
     return sorted({*tables, *named})
 

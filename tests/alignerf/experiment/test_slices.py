@@ -25,23 +25,19 @@ def job_of(experiment, scene, method):
 
 
 def test_configs_that_share_results_agree_on_them(root):
-    """matching.yaml is of table4.yaml's scenes, choices.yaml of another seed."""
-    ablation, matching, choices = (
+    """choices.yaml is of table4.yaml's scene at another seed."""
+    ablation, choices = (
         check.checked(
             yaml.safe_load((root / f"workflow/config/{name}.yaml").read_text())
         )
-        for name in ("table4", "evidence/matching", "evidence/choices")
+        for name in ("table4", "evidence/choices")
     )
-    left_out = ("methods", "regimes", "reference")
-    shared = {k: v for k, v in ablation.items() if k not in left_out}
-    assert {k: v for k, v in matching.items() if k not in left_out} == shared
-    for name in ("convolution", "alignment"):
-        assert matching["methods"][name] == ablation["methods"][name]
     scene = ablation["scenes"]["ablation"] | {"seed": 1}
-    other = {k: v for k, v in choices.items() if k not in left_out}
-    assert other == shared | {"seed": 1, "scenes": {"choices": scene}}
+    assert choices["scenes"] == {"choices": scene}
+    assert choices["models"]["base"] == ablation["models"]["base"]
+    assert choices["training"] == ablation["training"]
     chosen = choices["methods"]["features_16"]
-    assert chosen == ablation["methods"]["alignment"]
+    assert chosen | {"published": "+ alignment"} == ablation["methods"]["alignment"]
     assert 1 not in {scene["seed"] for scene in ablation["scenes"].values()}
 
 
@@ -152,7 +148,7 @@ def test_minutes_of_a_scene_replace_the_steps_of_the_config(demo, experiment_of)
     found = jobs.parse(job_of(experiment, "courtyard", "mipnerf360")).training
     # A tenth of steps that are not known yet.
     assert (found.steps, found.budget_min, found.warmup_steps) == (None, 3.0, None)
-    assert scenes.regimes(experiment)[0].steps is None
+    assert scenes.of_experiment(experiment)[0].steps is None
 
 
 def test_a_scene_depends_on_its_own_source_only(demo, tmp_path, experiment_of):
@@ -166,6 +162,21 @@ def test_a_scene_depends_on_its_own_source_only(demo, tmp_path, experiment_of):
     assert keys["courtyard"] >= {"courtyard", "colmap"}
     assert "courtyard" not in keys["own"]
     assert "colmap" not in keys["true"]
+
+
+def test_the_default_kind_of_pose_error_changes_no_job(demo, experiment_of):
+    """Poses of before the key `perturb_by` are not made anew."""
+    courtyard = demo["scenes"]["courtyard"]
+    demo["scenes"] |= {
+        by: courtyard | {"perturb_by": by} for by in ("rotation", "translation")
+    }
+    experiment = experiment_of(demo)
+    told = {one: plan.scene_config(experiment, one) for one in experiment.scenes}
+    assert told["rotation"] == told["courtyard"]
+    assert "perturb_by" not in told["courtyard"]
+    assert json.loads(told["translation"])["perturb_by"] == "translation"
+    first, same, other = scenes.of_experiment(experiment)
+    assert first.capture == same.capture != other.capture
 
 
 def test_a_warm_start_goes_on_from_the_round_before(demo, experiment_of):

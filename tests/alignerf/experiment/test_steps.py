@@ -121,6 +121,26 @@ def test_another_program_asks_for_what_its_method_says(demo, experiment_of):
         assert (step.gpu, step.memory_mb) == (2, 123)
 
 
+def test_methods_of_some_lengths_are_scored_and_shown_at_these(demo, experiment_of):
+    methods = {
+        "plain": {"rounds": 1},
+        "aligned": {"align": {}, "lengths": [1]},
+        "bundled": {"adjust": True, "lengths": [1]},
+        "alignerf": {"alignerf": {}, "lengths": [1]},
+    }
+    experiment = experiment_of(of_demo(demo, methods, vary={"lengths": [1, 4]}))
+    for scene, known in (("courtyard", methods), ("courtyard_x4", ["plain"])):
+        found = experiment.scored(scene)
+        assert {name for name, _ in found} == {*known}
+        for rule in ("draw", "verdict", "page"):
+            words = " ".join(map(str, cases.inputs(rule, experiment, scene).values()))
+            assert {name for name in methods if f"/{name}/round" in words} <= {*known}
+        crops = json.loads(cases.options("draw", experiment, scene)["crops"])
+        (first, warped), others = [one["method"] for one in crops[:2]], crops[2:]
+        assert (first, warped) == ("plain", "plain, round 1")
+        assert {one["method"] for one in others} == {*known} - {"plain"}
+
+
 def test_a_verdict_reads_what_remedies_brought(demo, experiment_of):
     methods = {"plain": {}, "aligned": {"align": {}}}
     experiment = experiment_of(of_demo(demo, methods, crops={"px": 96}))

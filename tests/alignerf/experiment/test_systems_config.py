@@ -96,7 +96,10 @@ def test_what_a_job_is_told_of_its_model_counts(demo, experiment_of):
             {"kind": "ngp", "log2_hashmap_size": 26, "levels": 32, "features": 64},
             r"models.other.width: 2048 GiB to train",
         ),
-        ({"kind": "nerf", "training": {"steps": 5}}, r"training: 'steps' is no key"),
+        (
+            {"kind": "nerf", "training": {"budget_min": 5}},
+            r"training: 'budget_min' is no key",
+        ),
         (
             {"kind": "nerf", "training": {"batch_rays": 0}},
             r"models.other.training.batch_rays: 0 should be greater",

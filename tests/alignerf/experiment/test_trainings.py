@@ -275,9 +275,21 @@ def test_a_method_that_trains_nothing_of_its_own_is_refused(demo, experiment_of)
     plan.check_equal(experiment_of(demo))
 
 
+def test_a_model_with_steps_of_its_own_has_them_at_every_length(demo, experiment_of):
+    demo["models"]["large"]["training"] = {"steps": 500}
+    demo["vary"] = {"lengths": [1, 4]}
+    experiment = experiment_of(demo)
+    steps = {
+        (method, scene): experiment.at(scene, method, 0).job.training.steps
+        for method in ("mipnerf360_large", "mipnerf360")
+        for scene in experiment.scenes
+    }
+    assert list(steps.values()) == [500, 500, 2000, 8000]
+
+
 def test_only_what_a_plan_has_is_a_folder_of_it(demo, experiment_of):
     demo["methods"]["twice"] = {"model": "base", "rounds": 3}
-    pattern = re.compile(plan.folders(experiment_of(demo)))
+    pattern = re.compile(plan.folders([experiment_of(demo)]))
     for folder in ("mipnerf360/round2", "twice/round3", "pretrain/base"):
         assert pattern.fullmatch(folder), folder
     # Trained under another method's name, or not at all.

@@ -6,6 +6,7 @@ import pytest
 from numpy.testing import assert_allclose
 
 from alignerf.scenes import cameras
+from alignerf.scenes.courtyard import scene as courtyard
 from tests import camera_twins, twins
 
 
@@ -206,3 +207,104 @@ def test_perturbed_poses_move_the_image_by_so_many_pixels(perturb_px):
     )
     # Neither direction is preferred.
     assert_allclose(offset.std(axis=0), perturb_px / np.sqrt(2), rtol=0.05, atol=1e-9)
+
+
+def test_rotations_of_a_seed_stay():
+    """Results are comparable with those of before the key `perturb_by`."""
+    pixtocams = cameras.intrinsics(150.0, 200, 100)[None]
+    rng = np.random.default_rng([0, 1])
+    (turned,) = cameras.perturb_poses(np.eye(3, 4)[None], pixtocams, 1.5, rng)
+    expected = [
+        [0.9999759650282194, 0.0, -0.00693320747428033],
+        [-5.048007729912267e-06, 0.9999997349415272, -0.0007280737551724432],
+        [0.006933205636574945, 0.0007280912548252067, 0.9999756999761172],
+    ]
+    assert_allclose(turned[:, :3], expected, rtol=1e-14)
+
+
+def error_px(poses, pixtocams, perturbed, ahead):
+    """Error [n] in px at a depth `ahead` [n] on the optical axis of each camera."""
+    points = poses[:, :, 3] - ahead[:, None] * poses[:, :, 2]
+    pixels = [
+        [cameras.project(point, pixtocam, one)[0] for one in pair]
+        for point, pixtocam, *pair in zip(
+            points, pixtocams, poses, perturbed, strict=True
+        )
+    ]
+    return np.linalg.norm(np.diff(pixels, axis=1)[:, 0], axis=-1)
+
+
+def rms(values):
+    return np.sqrt((values**2).mean())
+
+
+@pytest.mark.parametrize("perturb_px", [0.0, 0.5, 2.0])
+@pytest.mark.parametrize("by", ["rotation", "translation", "both"])
+def test_the_error_where_cameras_look_and_at_other_depths(by, perturb_px):
+    pixtocams, poses = courtyard.make_cameras(views=2000, width=200, height=150)
+    rng = np.random.default_rng(0)
+    perturbed = cameras.perturb_poses(poses, pixtocams, perturb_px, rng, by)
+    depths = cameras.looked_at(poses)
+    away = np.linalg.norm(poses[:, :, 3] - cameras.focus_of(poses), axis=1)
+    assert_allclose(depths, away, rtol=0.01)
+    squares = {"rotation": (1, 0), "translation": (0, 1), "both": (0.5, 0.5)}[by]
+    for scale in (0.5, 1.0, 4.0):
+        found = rms(error_px(poses, pixtocams, perturbed, scale * depths))
+        expected = perturb_px * np.sqrt(squares[0] + squares[1] / scale**2)
+        assert_allclose(found, expected, rtol=0.05, atol=1e-9)
+    # Across the optical axis alone, and without a turn.
+    moves = perturbed[:, :, 3] - poses[:, :, 3]
+    assert_allclose((moves * poses[:, :, 2]).sum(axis=1), 0, atol=1e-12)
+    assert (by == "rotation" or not perturb_px) == (not moves.any())
+    if by == "translation":
+        np.testing.assert_array_equal(perturbed[:, :, :3], poses[:, :, :3])
+
+
+def at(*centres, towards=None):
+    """Poses [n, 3, 4] at these centres that look at a point; None: all along -z."""
+    centres = np.array(centres, dtype=float)
+    poses = np.concatenate([[np.eye(3)] * len(centres), centres[..., None]], axis=2)
+    for pose in poses if towards is not None else ():
+        pose[:] = courtyard.look_at(pose[:, 3], np.array(towards))
+    return poses
+
+
+RING = [(3.0, 0, 1), (-3.0, 0, 1), (0, 3.0, 1), (0, -3.0, 1)]
+OUTWARD = at(*RING, towards=(0, 0, 0)) * np.array([-1, 1, -1, 1])
+APART = at((0, 0, 0), (2, 0, 0))
+SQUINT = at((0, 0, 0), (2, 0, 0), towards=(1, 1e3, 0))
+
+
+@pytest.mark.filterwarnings("error")
+@pytest.mark.parametrize(
+    ("poses", "expected"),
+    [
+        (at(*RING, towards=(0, 0, 0)), np.sqrt(10)),
+        # A camera at the focus, and one that looks away from it.
+        (np.concatenate([at(*RING, towards=(0, 0, 0)), at((0, 0, 0))]), np.sqrt(10)),
+        (at((5, 6, 7)), 1),
+        (APART, 1),
+        (OUTWARD, 3),
+        (at(*[(0, 0, 0)] * 3), 1),
+        (SQUINT, 1),
+        (at((1e17, 0, 0), (-1e17, 0, 0), (0, 1e17, 1e16), towards=(0, 0, 0)), 1e17),
+    ],
+    ids=["ring", "inside", "one", "parallel", "outward", "panorama", "far", "huge"],
+)
+def test_what_cameras_look_at_has_a_depth(poses, expected):
+    """Also where no point is closest to their axes, or none ahead."""
+    assert_allclose(cameras.looked_at(poses), expected, rtol=0.01)
+    pixtocams = np.repeat(cameras.intrinsics(150.0, 200, 100)[None], len(poses), axis=0)
+    rng = np.random.default_rng(0)
+    moved = cameras.perturb_poses(poses, pixtocams, 1.0, rng, "translation")
+    lengths = np.linalg.norm(moved[:, :, 3] - poses[:, :, 3], axis=1)
+    assert (lengths < expected).all()
+    assert lengths.any()
+
+
+def test_points_say_where_parallel_cameras_look():
+    """By those ahead; without any of these, as without points."""
+    points = np.array([[0, 0, -5.0], [1, 0, -7], [0, 0, -9], [0, 0, 40]])
+    assert_allclose(cameras.looked_at(APART, points), 7)
+    assert_allclose(cameras.looked_at(APART, points[3:]), 1)
+    assert_allclose(cameras.looked_at(SQUINT, np.array([[1, 50.0, 0]])), 50, rtol=0.01)

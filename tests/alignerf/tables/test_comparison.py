@@ -5,6 +5,7 @@ import pandas as pd
 import pytest
 
 from alignerf.experiment.tables import rows as table_rows
+from alignerf.tables import latex
 from alignerf.tables.across import comparison
 from tests import table_cases
 from tests.table_cases import made, one
@@ -130,6 +131,8 @@ def test_published_rows_stand_below_ours(scenes, printed):
 
 def test_colours_are_for_ours_alone(scenes, printed):
     tex = comparison.to_latex(made(comparison.make_table, scenes, printed))
+    # Length, method; PSNR, SSIM and the paper's LPIPS; minutes, parameters.
+    assert table_cases.check_document(latex.document(tex)) == 7
     assert r"\textcolor{gray}{NeRF, published}" in tex
     lines = [line for line in tex.splitlines() if "published" in line and "&" in line]
     lines = [line for line in lines if "textcolor" in line]
@@ -168,17 +171,31 @@ def test_a_view_without_a_score_leaves_the_mean_empty(scenes):
 def test_as_a_command(tmp_path):
     folder = tmp_path / "a"
     db = {"standard": [20.0, 22.0], "warped": [21.0, 25.0]}
-    rows = [table_cases.written(folder, db, m, base="nerf") for m in ("nerf", "b")]
+    rows = [
+        table_cases.written(folder, db, method, base="nerf", published=called)
+        for method, called in (("nerf", "AligNeRF"), ("b", "mip-NeRF 360"))
+    ]
+    views = {"names": ["v0", "v1", "t"], "split": ["test", "test", "train"]}
+    lens = {"pixtocams": [np.eye(3)] * 3, "camtoworlds": [np.eye(3, 4)] * 3}
+    np.savez(folder / "cameras.npz", **views, **lens, width=5, height=2)
     table_cases.collect(folder, rows, "comparison")
     scene = table_cases.scene_like("a", reference="nerf")
     options = {kind: f"{tmp_path}/out.{kind}" for kind in ("csv", "tex")}
     options |= {"scenes": table_rows.as_json([scene]), "results": str(tmp_path)}
-    options |= {"ranking": f"{tmp_path}/ranking.csv", "published-table": 3}
-    options["published"] = table_rows.published_table()
+    options |= {one: f"{tmp_path}/{one}.csv" for one in ("ranking", "effects")}
+    options |= {"published": table_rows.published_table(), "published-table": 3}
     comparison.main([f"--{name}={value}" for name, value in options.items()])
     table = pd.read_csv(tmp_path / "out.csv")
-    assert table["method"].drop_duplicates().tolist()[:2] == ["nerf", "b"]
+    assert table["method"].drop_duplicates().tolist()[:2] == [
+        "nerf",
+        "AligNeRF, published",
+    ]
     assert table["source"].notna().any()
     assert set(table["memory_mib"].dropna()) == {1.5}
     assert len(pd.read_csv(tmp_path / "ranking.csv")) == 1
+    effects = pd.read_csv(tmp_path / "effects.csv")
+    row = one(effects, effect="AligNeRF", method="nerf", over="b")
+    # All rays over the pixels of the one training photo.
+    assert (row["warped_db"], row["epochs"], row["reproduced"]) == (0, 5, "one seed")
+    assert set(effects["reproduced"]) == {"one seed", "not tested"}
     assert (tmp_path / "out.provenance.json").is_file()

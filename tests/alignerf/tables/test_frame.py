@@ -174,6 +174,6 @@ def test_a_table_that_is_not_there_is_named(scene, name):
 
 def test_a_table_across_scenes_has_rows_of_its_own(scene):
     rows = [table_cases.written(scene, DB, "only")]
-    found = table_cases.collect(scene, rows, "regimes")
+    found = table_cases.collect(scene, rows, "comparison")
     assert set(found["method"]) == {"only"}
     assert len(rows_of(scene)) == 4

@@ -5,6 +5,7 @@ import pandas as pd
 import pytest
 
 from alignerf.tables import latex
+from tests import table_cases
 
 LINES = pd.DataFrame(
     [
@@ -41,6 +42,52 @@ def test_a_table_is_whole():
         r"\bottomrule",
         r"\end{tabular}",
     ]
+
+
+def test_a_document_holds_one_table():
+    text = latex.of_lines(
+        LINES.assign(psnr_db=["5 / 6", "7 / 8", "--"]),
+        {"Method": list(map(latex.name, LINES["method"])), "Set": LINES["set"]},
+        [],
+        fixed=[("psnr_db", "PSNR", "cells"), ("time_s", "min", "min")],
+        notes=["Of {one} scene."],
+    )
+    found = latex.document(text)
+    assert table_cases.check_document(found) == 4
+    # What \\input takes of it into another document is the table alone.
+    assert text.partition(r"\begin{tabular}")[2].strip() in found
+    assert found.startswith("% Of {one} scene.\n\\documentclass")
+    assert found.index(r"\usepackage{booktabs}") < found.index(r"\begin{document}")
+    assert r"my\_method & a & 5 / 6 & 1.5 \\" in found
+
+
+NONE = [np.nan] * 4
+
+
+@pytest.mark.parametrize(
+    ("first", "second", "higher", "cells"),
+    [
+        # Coloured by the second, and the last row never.
+        (
+            [9, 2, np.nan, 4],
+            [1, 3, 2, 9],
+            True,
+            ["3 9.0 / 1.0", "1 2.0 / 3.0", "2 2.0"],
+        ),
+        ([9, 2, 3, 4], NONE, True, ["1 9.0", "3 2.0", "2 3.0"]),
+        ([9, 2, np.nan, 4], NONE, False, ["2 9.0", "1 2.0", "--"]),
+        ([9, 2, 3, 4], [1, 3, 2, 9], None, ["9.0 / 1.0", "2.0 / 3.0", "3.0 / 2.0"]),
+    ],
+)
+def test_two_test_sets_share_a_cell(first, second, higher, cells):
+    others = pd.Series([False, False, False, True])
+    pair = [pd.Series(one, dtype=float) for one in (first, second)]
+    found = latex.side_by_side(*pair, ".1f", higher, others)
+    for place, colour in enumerate(latex.COLOURS, start=1):
+        old = rf"\cellcolor[HTML]{{{colour}}}"
+        found = [text.replace(old, f"{place} ") for text in found]
+    assert found[:3] == cells
+    assert found[3] == "4.0 / 9.0" if second is not NONE else "4.0"
 
 
 @pytest.mark.parametrize("within", [None, "Kind"])

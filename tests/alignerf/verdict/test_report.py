@@ -190,6 +190,10 @@ def test_what_was_measured_has_its_numbers():
     assert "in first, it was 2.4 px on" in said(judged=before)
     none = {"test_views": 0, "flow_test_px": math.nan, "psnr_test_db": math.nan}
     assert "No renders of held-out" in said(judged=JUDGED, **none)
+    off = {"photo_px": 2.0, "perturb_px": 1.5}
+    assert "perturbs the poses by 3.0 px (perturb_px)." in said(**off)
+    both = said(**off, perturb_by="both")
+    assert "perturbs the poses by 3.0 px (perturb_px, perturb_by: both)." in both
 
 
 @pytest.mark.parametrize(

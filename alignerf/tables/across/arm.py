@@ -1,0 +1,133 @@
+"""The moving arm: `python -m alignerf.tables.across.arm`.
+
+The paper's last experiment: an object with a part in one of two states. Of scenes with
+right poses, methods that leave them so (NeRF); of scenes with perturbed ones, methods
+that learn them (BARF). Does learning them blur what stands still? Writes CSV, LaTeX and
+a picture: the two states, their difference, renders, and their errors.
+"""
+
+from pathlib import Path
+
+import matplotlib.figure
+import numpy as np
+import pandas as pd
+
+from alignerf.io import atomic, faults, images
+from alignerf.tables import columns, frame, latex, scores
+
+# Against ground truth: where nothing moves, and where the arm may be.
+PLACES = {"still": "oracle_still", "moving": "oracle_moving"}
+NOTES = (
+    "PSNR in dB against ground truth where the scene is still and where the arm moves,",
+    "and its difference to the first row, paired by view; 95 % intervals over views.",
+)
+CELL_INCH, LABEL_PT = 2.0, 8
+
+
+def main(argv=None):
+    args = faults.arguments(argv, __doc__, frame.OPTIONS | frame.FIGURE)
+    views = frame.read_scenes(args, "arm")
+    table = make_table(views)
+    with atomic.replace_file(args.figure) as path:
+        draw(views, Path(args.results), path)
+        frame.write_across(table, to_latex, views, args)
+
+
+def rows_of(views):
+    """(lines of one row, its scene, method) of all, right poses first."""
+    order = views.sort_values("perturb_px", kind="stable")
+    for (scene, method), own in order.groupby(["scene", "method"], sort=False):
+        yield own, scene, method
+
+
+def make_table(views):
+    """A line a row of a `frame.read_scenes`; differences are to the first."""
+    lines, first = [], None
+    for own, scene, method in rows_of(views):
+        known, row = {}, own.iloc[0]
+        line = {"method": method, "field": row["description"], "scene": scene}
+        line |= {key: row[key] for key in ("perturb_px", "train_time_s", "params")}
+        for place, test_set in PLACES.items():
+            lines_of = own[own["test_set"] == test_set].dropna(subset="psnr_db")
+            known[place] = lines_of.set_index("view")["psnr_db"]
+        first = first or known
+        for place, db in known.items():
+            gains = (db - first[place]).dropna().to_numpy()
+            line[f"{place}_db"] = db.mean()
+            line |= scores.mean_and_interval(gains, f"{place}_difference_")
+        lines.append(line | {"views": len(known["still"])})
+    return pd.DataFrame(lines, columns=columns.names("arm"))
+
+
+def to_latex(table):
+    return latex.of_lines(
+        table,
+        {"Method": list(map(latex.name, table["method"]))},
+        [],
+        fixed=[
+            ("perturb_px", "pose error (px)", ".1f"),
+            *(
+                pair
+                for place in PLACES
+                for pair in (
+                    (f"{place}_db", f"{place} (dB)", ".2f"),
+                    (f"{place}_difference_db", "difference", "interval"),
+                )
+            ),
+            ("train_time_s", "train (s)", ".0f"),
+            ("params", "params (M)", "M"),
+        ],
+        notes=NOTES,
+    )
+
+
+def draw(views, results, path):
+    """The two states and their difference; below, each row's render and its error.
+
+    The view is the test view whose photo differs most from the undisplaced scene, where
+    poses are right: its photo shows the arm's other state.
+    """
+    every = [(scene, method) for _, scene, method in rows_of(views)]
+    right = results / every[0][0]
+    names = sorted(views["view"].unique())
+    pairs = [
+        tuple(
+            images.read(right / where / f"{n}.png")
+            for where in ("truth/oracle", "images")
+        )
+        for n in names
+    ]
+    apart = [np.abs(a.astype(float) - b).mean() for a, b in pairs]
+    name, (one, other) = names[np.argmax(apart)], pairs[np.argmax(apart)]
+    top = {"one state": one, "the other": other, "difference": difference(one, other)}
+    figure = matplotlib.figure.Figure(
+        figsize=(CELL_INCH * max(len(every), 3), 3 * CELL_INCH), layout="constrained"
+    )
+    axes = figure.subplots(3, max(len(every), 3), squeeze=False)
+    for cell in axes.flat:
+        cell.axis("off")
+    for cell, (title, image) in zip(axes[0], top.items(), strict=False):
+        show(cell, title, image)
+    for column, (scene, method) in zip(axes[1:].T, every, strict=False):
+        render = images.read(
+            results / scene / method / f"round0/renders/test/{name}.png"
+        )
+        truth = images.read(results / scene / f"truth/oracle/{name}.png")
+        show(column[0], f"{method}, {scene}", render)
+        show(column[1], "error", difference(render, truth))
+    figure.savefig(path, dpi=200)
+
+
+def show(cell, title, image):
+    cell.imshow(image)
+    cell.set_title(title, fontsize=LABEL_PT, parse_math=False)
+
+
+def difference(one, other):
+    """The absolute difference of two images, three times as bright."""
+    apart = np.abs(one.astype(float) - other.astype(float))
+    return np.clip(3 * apart, 0, 255).astype(np.uint8)
+
+
+if __name__ == "__main__":
+    faults.run(main)
