@@ -100,6 +100,17 @@ def shared_data():
     return folder.resolve()
 
 
+@pytest.fixture
+def photos_of_tables(tmp_path, monkeypatch):
+    """What the shipped configs read, as far as a plan looks at it: empty files."""
+    data = tmp_path / "data"
+    for name in ("scenes/flower", "scenes/treehill/images", "scenes/fox", "weights"):
+        (data / name).mkdir(parents=True)
+    for name in ("vgg19_block1", "lpips_alex_v0.1", "lpips_squeeze_v0.1"):
+        (data / "weights" / f"{name}.npz").touch()
+    monkeypatch.setenv("ALIGNERF_DATA", str(data))
+
+
 @pytest.fixture(scope="session")
 def peer():
     """The modules of google-research/multinerf; ALIGNERF_MULTINERF says where."""
