@@ -34,13 +34,12 @@ from alignerf.experiment import (
     cluster,
     layout,
     plan,
-    shipped,
     sources,
     steps,
     targets,
 )
 from alignerf.experiment.checks import fetched, results
-from alignerf.experiment.tables import scenes
+from alignerf.experiment.tables import scenes, shipped
 
 min_version("9.0")
 # A plan's jobs live until its end: of a large one, a sixth of the time goes into looking

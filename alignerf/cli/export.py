@@ -12,7 +12,8 @@ from pathlib import Path
 
 from alignerf.captures import typed
 from alignerf.cli import configs, folders, workflow
-from alignerf.experiment import shipped, targets
+from alignerf.experiment import targets
+from alignerf.experiment.tables import shipped
 from alignerf.io import faults, machine, provenance
 
 

@@ -19,7 +19,8 @@ from pathlib import Path
 import psutil
 
 from alignerf.cli import configs, light, report
-from alignerf.experiment import asked, shipped, sources, targets
+from alignerf.experiment import asked, sources, targets
+from alignerf.experiment.tables import shipped
 
 LOGS, KEPT = Path("results/logs"), 10
 OURS = re.compile(r"run-\d{8}-\d{6}-\d+\.log")

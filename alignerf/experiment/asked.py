@@ -6,7 +6,8 @@ import os
 from pathlib import Path
 from typing import NamedTuple
 
-from alignerf.experiment import layout, plan, shipped, targets
+from alignerf.experiment import layout, plan, targets
+from alignerf.experiment.tables import shipped
 
 # Of a name that is meant and one that is typed, from 0 to 1.
 LIKENESS = 0.7

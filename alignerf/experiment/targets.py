@@ -10,7 +10,8 @@ import types
 from pathlib import Path
 
 from alignerf.captures import base
-from alignerf.experiment import cluster, layout, shipped
+from alignerf.experiment import cluster, layout
+from alignerf.experiment.tables import shipped
 from alignerf.io import (
     atomic,
     faults,
@@ -49,7 +50,7 @@ def of_run(experiments):
             "config: small: false needs full_size, which the demo has not: name a "
             "table, as in `snakemake table1 --config small=false`"
         )
-    made = [of_scene(first, name) for name in first.captures()]
+    made = [file for name in first.captures() for file in of_scene(first, name)]
     return [*made, *[COMPARISON] * (first.config["published_table"] is not None)]
 
 

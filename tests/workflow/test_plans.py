@@ -10,8 +10,8 @@ from pathlib import Path
 import pytest
 import yaml
 
-from alignerf.experiment import check, shipped, sources
-from alignerf.experiment.tables import scenes
+from alignerf.experiment import check, sources
+from alignerf.experiment.tables import scenes, shipped
 from alignerf.io import machine
 from tools.bench import planning
 

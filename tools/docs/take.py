@@ -28,11 +28,13 @@ def main(argv=None):
     parser.add_argument("tables", nargs="+", help="table1, tradeoff, arm, ...")
     parser.add_argument("--root", default=".", type=Path, help="the project's folder")
     parser.add_argument("--machine", default=MACHINE)
+    parser.add_argument("--commit", help="of the trainings, where theirs is no longer")
     args = parser.parse_args(argv)
     docs = args.root / "docs"
     for name in args.tables:
         origin = args.results / f"{name}.provenance.json"
-        head = header(json.loads(origin.read_text()), f"snakemake {name}", args.machine)
+        told = json.loads(origin.read_text())
+        head = header(told, f"snakemake {name}", args.machine, args.commit)
         for end in ENDS:
             if (path := args.results / f"{name}{end}.csv").is_file():
                 text = pd.read_csv(path).to_csv(index=False, float_format="%.4g")
@@ -41,16 +43,17 @@ def main(argv=None):
             shutil.copy(picture, docs / "pictures" / picture.name)
 
 
-def header(origin, command, machine):
+def header(origin, command, machine, commit=None):
     """The first lines of a measured CSV; origin: a table's provenance.
 
-    The commits are those of its trainings, which its numbers come from.
+    The commits are those of its trainings, which its numbers come from, or `commit`.
     """
     trainings = [one for row in origin["rows"] for one in row["trainings"]]
     found = {key: [] for key in ("commit", "lock")}
     for key, values in found.items():
         values += dict.fromkeys(one[key] or origin[key] for one in trainings)
     lines = {key: ", ".join(values) for key, values in found.items()}
+    lines["commit"] = commit or lines["commit"]
     lines |= {"machine": machine, "command": command}
     lines["measured"] = datetime.date.today()
     return "".join(f"# {key}: {value}\n" for key, value in lines.items())

@@ -171,6 +171,10 @@ def rows_of(experiment, scene, table):
     name = table.removesuffix("/")
     chosen = OF_TABLES[name](experiment, scene)
     every = rows.collected(experiment, scene, chosen, aligned_pose=True)
+    if name == "arm":
+        # Its baseline is of another scene: each row is set against itself.
+        own = [r._replace(base=r.folder, baseline=r.method) for r in every if r.method]
+        every = [*(row for row in every if not row.method), *own]
     if name == "remedies":
         # The first row also has the flow from renders to photos: of the training views,
         # where that exists; else of the test views.

@@ -93,7 +93,7 @@ def draw(views, results, path):
     pairs = [
         tuple(
             images.read(right / where / f"{n}.png")
-            for where in ("truth/oracle", "images")
+            for where in ("images/truth/oracle", "images")
         )
         for n in names
     ]
@@ -112,7 +112,7 @@ def draw(views, results, path):
         render = images.read(
             results / scene / method / f"round0/renders/test/{name}.png"
         )
-        truth = images.read(results / scene / f"truth/oracle/{name}.png")
+        truth = images.read(results / scene / f"images/truth/oracle/{name}.png")
         show(column[0], f"{method}, {scene}", render)
         show(column[1], "error", difference(render, truth))
     figure.savefig(path, dpi=200)

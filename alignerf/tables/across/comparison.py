@@ -16,8 +16,7 @@ import numpy as np
 import pandas as pd
 
 from alignerf import testsets
-from alignerf.io import atomic, csv_files, faults
-from alignerf.scenes import prepared
+from alignerf.io import archives, atomic, csv_files, faults
 from alignerf.tables import (
     columns,
     effects,
@@ -76,7 +75,7 @@ def scenes_of(views):
 
 def pixels_of(scene):
     """How many pixels the training photos of a prepared scene have."""
-    cameras = prepared.read_cameras(scene / "cameras.npz")
+    cameras = archives.read(scene / "cameras.npz", ("width", "height", "split"))
     train = np.count_nonzero(cameras["split"] == "train")
     return train * int(cameras["width"]) * int(cameras["height"])
 

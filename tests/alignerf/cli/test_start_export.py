@@ -5,7 +5,8 @@ import shutil
 import pytest
 
 from alignerf.cli import export, workflow
-from alignerf.experiment import shipped, targets
+from alignerf.experiment import targets
+from alignerf.experiment.tables import shipped
 from alignerf.io import faults, machine, provenance
 
 

@@ -5,8 +5,7 @@ import csv
 import jax
 import pytest
 
-from alignerf.experiment import shipped
-from alignerf.experiment.tables import rows
+from alignerf.experiment.tables import rows, shipped
 from alignerf.tables import misalignment
 from alignerf.training import compose
 from tests import step_cases as cases

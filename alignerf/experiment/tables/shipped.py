@@ -29,15 +29,20 @@ def configs(overrides):
         small = pydantic.TypeAdapter(bool).validate_python(overrides.get("small", True))
     except pydantic.ValidationError:
         fault("small", f"{overrides['small']!r} is neither true nor false")
-    # Where nothing is trained it is not installed.
-    from snakemake.utils import update_config
-
     found = {}
     for name, path in {"": DEMO, **{n: FOLDER / f"{n}.yaml" for n in NAMES}}.items():
         config = yaml_files.read(path)
         if small or "full_size" in config:
-            update_config(config, overrides)
-            found[name] = config
+            found[name] = merged(config, overrides)
+    return found
+
+
+def merged(config, overrides):
+    """A config with others' keys, mappings merged as Snakemake merges them."""
+    found = dict(config)
+    for key, value in overrides.items():
+        inside = isinstance(value, dict) and isinstance(found.get(key), dict)
+        found[key] = merged(found[key], value) if inside else value
     return found
 
 
