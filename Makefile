@@ -1,4 +1,4 @@
-# make run                        the paper's analysis in small, and a diagnosis, in 6
+# make run                        the paper's analysis in small, and a diagnosis, in 8
 #                                 minutes on two cores
 # make photos FOLDER=my_photos    train on your photos or video, and diagnose the result
 # make poses FOLDER=my_scan       check the cameras that came with photos, and adjust them;

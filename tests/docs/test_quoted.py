@@ -294,4 +294,4 @@ def test_the_demo_takes_as_long_wherever_that_is_said(page_of, name, before):
     start = text.index(before)
     found = COST.search(text[start : start + 120])
     assert found, name
-    assert found[0].startswith("6 min")
+    assert found[0].startswith("8 min")
