@@ -47,7 +47,7 @@ TINY = mlp_model(width=16, depth=2, proposal_width=8, proposal_depth=1, samples=
 SMALL = mlp_model(width=128, depth=4, proposal_width=64, proposal_depth=2)
 PUBLISHED = mlp_model(width=1024, depth=8, proposal_width=256, proposal_depth=4)
 
-# The smaller of workflow/config/table1.yaml.
+# The base model of workflow/config/table4.yaml.
 GRID = {
     "near": NEAR,
     "far": FAR,

@@ -56,7 +56,7 @@ def run(options):
 
 def scene_of(demo, case, *, quick):
     """Table 1's scene with the case's misalignment and otherwise true poses."""
-    scene = demo["scenes"]["table1"] | {"poses": "truth"}
+    scene = demo["scenes"]["courtyard_off"] | {"poses": "truth"}
     scene["perturb_px"] = case["perturb_px"]
     scene["courtyard"] = scene["courtyard"] | {"motion": case["motion"]}
     if quick:

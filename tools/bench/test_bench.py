@@ -170,7 +170,7 @@ def test_jobs_compile_as_the_workflow_does_and_run_the_default_model(root, monke
         monkeypatch.delenv(name)
     sources.set_environment()
     assert {name: os.environ[name] for name in job.CACHE} == job.CACHE
-    config = yaml.safe_load((root / "workflow/config/table1.yaml").read_text())
+    config = yaml.safe_load((root / "workflow/config/table4.yaml").read_text())
     found = check.checked(config)["models"]["base"]
     assert schema.filled(mipnerf360.Model, cases.GRID) == found
 
