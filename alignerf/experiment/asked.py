@@ -12,7 +12,6 @@ from alignerf.experiment.tables import shipped
 # Of a name that is meant and one that is typed, from 0 to 1.
 LIKENESS = 0.7
 # Columns of a table of the paper's on a terminal: of a CSV, heading and form.
-NETWORKS = ("alex", "squeeze", "vgg")
 SHOWN = {"psnr_db": ("PSNR", ".2f"), "ssim": ("SSIM", ".3f"), "lpips": ("LPIPS", ".3f")}
 
 
@@ -117,8 +116,8 @@ class Asked(NamedTuple):
     def check(self, rules):
         """ValueError for a word that is no rule, scene or file; the nearest name."""
         known = [*self.experiments.scenes, *rules]
-        lacking = {shipped.PAPER, shipped.FIGURES, *shipped.NAMES}
-        lacking -= {*known} - {shipped.PAPER, shipped.FIGURES}
+        # Rules that make nothing of a user's config alone.
+        lacking = {shipped.PAPER, shipped.FIGURES} | {*shipped.NAMES} - {*known}
         for name in self.words or ():
             if len(self.experiments.by_name) == 1 and name in lacking:
                 what = "is of the shipped configs: leave out --configfile"
@@ -177,13 +176,11 @@ def of_table(path):
             continue
         name = method if warping == "none" else f"{method}, warped {warping}"
         first = next(iter(row.values()))
-        costs = [
-            number(first["total_time_s"], ".1f", 60),
-            number(first["params"], ",.0f"),
-        ]
+        minutes = number(first["total_time_s"], ".1f", 60)
+        costs = minutes, number(first["params"], ",.0f")
         scored = [pair(row, column, form) for column, (_, form) in SHOWN.items()]
-        cells.append([f"{group} " * several + name, *scored, *costs])
-        cells[-1].append(paper_of(row, printed))
+        paper = paper_of(row, printed)
+        cells.append([f"{group} " * several + name, *scored, *costs, paper])
     # Without weights of a network there is no LPIPS.
     kept = [i for i in range(len(cells[0])) if not i or any(r[i] for r in cells[1:])]
     cells = [[row[i] for i in kept] for row in cells]
@@ -215,10 +212,10 @@ def paper_of(row, printed):
 
 def pair(row, column, form):
     """`standard / warped` of a metric; of LPIPS of the first network that has one."""
-    names = [column] if column != "lpips" else [f"lpips_{n}" for n in NETWORKS]
-    for name in names:
+    known = next(iter(row.values()))
+    for name in [one for one in known if one == column or one.startswith(f"{column}_")]:
         lines = [row[one] for one in ("standard", "warped") if one in row]
-        texts = [number(line[name], form) for line in lines if line.get(name)]
+        texts = [number(line[name], form) for line in lines if line[name]]
         if texts:
             return "/".join(texts)
     return ""

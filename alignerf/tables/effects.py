@@ -58,15 +58,14 @@ def of_table(number, views, published, pixels):
     paper = published[published["table"] == number]
     lines = []
     for group, printed in paper.fillna({"group": ""}).groupby("group", sort=False):
-        own = views if number in EFFECTS else views[views["share"].map(named) == group]
+        own = (
+            views
+            if number in EFFECTS
+            else views[views["share"].map(scores.length) == group]
+        )
         for effect in effects_of(number, printed):
             lines += list(lines_of(effect, printed, own, pixels))
     return pd.DataFrame(lines, columns=columns.names("effects"))
-
-
-def named(share):
-    """How the paper calls a length of training."""
-    return f"{share:g}x"
 
 
 def effects_of(number, printed):
@@ -90,9 +89,9 @@ def lines_of(effect, printed, views, pixels):
                     continue
                 found = True
                 row = labels | ours_of(own, ours, theirs)
-                seen = mean_of(own, ours, "rays_seen")
+                seen = mean_of(of_row(own, ours), "rays_seen")
                 row["epochs"] = seen / pixels[own["scene"].iloc[0]]
-                row |= {"group": named(share), "reproduced": word(row)}
+                row |= {"group": scores.length(share), "reproduced": word(row)}
                 yield row
     if not found:
         yield labels | {"group": first["group"], "reproduced": "not tested"}
@@ -129,8 +128,8 @@ def ours_of(views, ours, theirs):
     seeds = sorted(set(own["seed"]) & set(base["seed"]))
     own, base = (rows[rows["seed"].isin(seeds)] for rows in (own, base))
     first = own.iloc[0]
-    row = {"condition": first["scene"], "method": scores.row_name(*named_row(ours))}
-    row |= {"over": scores.row_name(*named_row(theirs)), "seeds": len(seeds)}
+    row = {"condition": first["scene"], "method": row_name(ours)}
+    row |= {"over": row_name(theirs), "seeds": len(seeds)}
     row["steps"] = first["scene_steps"]
     known = frame.known(own) & frame.known(base)
     paired = frame.beside(own, base, "theirs_db")
@@ -140,39 +139,38 @@ def ours_of(views, ours, theirs):
             row |= frame.gains(lines, "theirs_db", f"{test_set}_")
     row["truth"] = next((name for name in TRUTHS if name in known), None)
     if row["truth"]:
-        ends = scores.with_ends(f"{row['truth']}_")
-        values = [row[name] for name in ends]
-        row |= dict(zip(scores.with_ends("truth_"), values, strict=True))
+        ends = map(scores.with_ends, ("truth_", f"{row['truth']}_"))
+        row |= {name: row[known] for name, known in zip(*ends, strict=True)}
     for name in ("ssim", *columns.NETWORKS):
         # On the warped test set, as the paper's; a net without weights has none.
         pair = [one[one["test_set"] == "warped"][name].mean() for one in (own, base)]
         row[name] = pair[0] - pair[1]
     for name, column in (("times", "total_time_s"), ("params_times", "params")):
-        row[name] = mean_of(own, None, column) / mean_of(base, None, column)
+        row[name] = mean_of(own, column) / mean_of(base, column)
     return row
 
 
-def named_row(row):
+def row_name(row):
     """A (method, round) as tables call it."""
-    return row[0], scores.warping(row[1])
+    return scores.row_name(row[0], scores.warping(row[1]))
 
 
 def of_row(views, row):
+    """The lines of a (method, round)."""
     return views[(views["method"] == row[0]) & (views["round"] == row[1])]
 
 
-def mean_of(views, row, column):
-    """The mean over scenes of a cost."""
-    own = of_row(views, row) if row else views
-    return frame.mean_costs(own, [column])[column]
+def mean_of(views, column):
+    """The mean over scenes of a row's cost."""
+    return frame.mean_costs(views, [column])[column]
 
 
 def word(row):
     """Whether an effect of the paper shows here, by rule.
 
     By the truth where that is known, else by the warped test set, else the standard.
-    `partly`: by the truth, and not by the paper's own test set. Of LEVEL rows
-    are level whose interval comes within the seeds' spread of 0.
+    `partly`: by the truth, and not by the paper's own test set. An effect of LEVEL is
+    level where its interval comes within the seeds' spread of 0.
     """
     paper, ours = (row.get(f"{p}params_times", np.nan) for p in ("paper_", ""))
     # As a logarithm: a factor and its inverse are one contrast.

@@ -20,7 +20,6 @@ def of_lines(
     notes=(),
     best=None,
     others=None,
-    within=None,
 ):
     """LaTeX of a table's lines: a row for each of `rows`, booktabs.
 
@@ -29,7 +28,7 @@ def of_lines(
     side for each of `values` of the column `by`; fixed: of those that do not. form: as
     in columns.yaml. notes: lines of comments above. best: columns whose best three are
     coloured, {column: whether higher is better}. others: a mask of lines that are never
-    among them. within: the heading of `rows` that has a best three for each text.
+    among them.
     """
     best, keys = best or {}, list(rows)
     lines = lines.assign(**rows, of_others=False if others is None else others)
@@ -38,11 +37,11 @@ def of_lines(
     for column, heading, form in shown:
         for value in values:
             own = lines[lines[by] == value].set_index(keys).reindex(index.index)
-            place = heading, name(f"{value:g}x" if by == "budget" else value)
+            place = heading, name(scores.length(value) if by == "budget" else value)
             cells[place] = texts(own, column, form)
             if column in best:
                 ours = own[column].astype(float).mask(index["of_others"])
-                styles[place] = colours(ours, higher=best[column], within=within)
+                styles[place] = colours(ours, higher=best[column])
     for column, heading, form in fixed:
         cells[heading, ""] = texts(index, column, form)
     table = pd.DataFrame(cells, index=index.index)
@@ -80,17 +79,19 @@ def texts(lines, column, form):
     return [scores.shown(one, form) for one in numbers]
 
 
-def side_by_side(first, second, form, higher, others):
+def side_by_side(first, second, form, higher, others, within=None):
     """Cells `a / b` of two test sets, as the paper has them; series of one index.
 
     The best three of the second are coloured, of the first where no row has a second.
     higher: whether higher is better; None: nothing is coloured. others: a mask of rows
-    that are never among them.
+    that are never among them. within: a level of the index whose labels have a best
+    three each.
     """
     judged = second if second.notna().any() else first
     css = [""] * len(judged)
     if higher is not None:
-        css = colours(judged.astype(float).mask(others), higher=higher)
+        ours = judged.astype(float).mask(others)
+        css = colours(ours, higher=higher, within=within)
     cells = []
     for one, other, style in zip(first, second, css, strict=True):
         pair = [scores.shown(value, form) for value in (one, other) if pd.notna(value)]

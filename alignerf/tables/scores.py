@@ -13,6 +13,11 @@ def warping(round):
     return WARPINGS.get(round, f"{round} times")
 
 
+def length(share):
+    """How the paper calls a length of training, in lengths of the config's."""
+    return f"{share:g}x"
+
+
 def row_name(method, warping):
     """What a method and its warping are called in one line."""
     return method if warping == WARPINGS[0] else f"{method}, warped {warping}"

@@ -295,7 +295,10 @@ def printed_table(name, experiment):
     more = words("", published=published, published_table=number)[1:]
     about, scenes = "Compare all methods on all scenes", compared
     if name != "comparison":
-        about, scenes = f"Make the paper's Table {number} beside the paper's", printed
+        about, scenes = (
+            f"Make Table {number} of the paper, with its rows beside ours",
+            printed,
+        )
     return Across(
         *(name, about, experiment),
         scenes=scenes,

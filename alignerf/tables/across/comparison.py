@@ -57,7 +57,9 @@ def main(argv=None):
     table, ranks = make_table(views, printed), make_ranking(views)
     found = pd.DataFrame(columns=columns.names("effects"))
     if printed:
-        pixels = {one: pixels_of(Path(args.results) / one) for one in scenes_of(views)}
+        pixels = {
+            one: pixels_of(Path(args.results) / one) for one in views["scene"].unique()
+        }
         every = csv_files.read(args.published)
         found = effects.of_table(args.published_table, views, every, pixels)
     with (
@@ -67,10 +69,6 @@ def main(argv=None):
         ranks.to_csv(ranked, index=False, float_format="%.6g")
         frame.without_empty(found).to_csv(compared, index=False, float_format="%.6g")
         frame.write_across(table, to_latex, views, args)
-
-
-def scenes_of(views):
-    return views["scene"].unique()
 
 
 def pixels_of(scene):
@@ -84,7 +82,7 @@ def make_table(views, printed=()):
     """Lines of a `frame.read_scenes`, each with what is printed for it below."""
     lines = []
     for share, group in views.groupby("share"):
-        labels = {"group": f"{share:g}x", "scene": ALL}
+        labels = {"group": scores.length(share), "scene": ALL}
         left = [line | labels for line in printed if line["group"] == labels["group"]]
         for _, own in frame.shared(group).groupby(frame.ROW, sort=False):
             lines += lines_of(labels, own, group)
@@ -132,7 +130,7 @@ def printed_lines(path, number):
     names = ("source", "table", "group", "method", "warping", "test_set")
     table = csv_files.read(path, columns=(*names, "hours", "params_m", *PRINTED))
     # Tables 1 and 4 have one length, which ours is set beside.
-    table = table.fillna({"group": effects.named(1)})
+    table = table.fillna({"group": scores.length(1)})
     lines = []
     for row in table[table["table"] == number].to_dict("records"):
         params = row["params_m"]
@@ -170,7 +168,7 @@ def make_ranking(views):
             if len(both) > 1:
                 pair = [[sets[key] for sets in both] for key in (first, second)]
                 tau = ranking.tau_of(*map(np.stack, pair))
-                lines.append((f"{share:g}x", first, second, *tau, len(both)))
+                lines.append((scores.length(share), first, second, *tau, len(both)))
     return pd.DataFrame(lines, columns=columns.names("comparison_ranking"))
 
 
@@ -186,7 +184,8 @@ def to_latex(table):
     shown, heads = {}, {}
     for key, heading, form in misalignment.metrics(table):
         pair = [own[key].reindex(lines.index) for own in sets.values()]
-        shown[key] = latex.side_by_side(*pair, form, METRICS.get(key), printed)
+        higher = METRICS.get(key)
+        shown[key] = latex.side_by_side(*pair, form, higher, printed, within="group")
         heads[key] = heading
     return latex.of_lines(
         lines.assign(**shown).reset_index(drop=True),

@@ -33,7 +33,7 @@ def to_latex(table):
         table,
         {
             "Condition": list(map(latex.name, table["condition"])),
-            "Length": [f"{length:g}x" for length in table["length"]],
+            "Length": list(map(scores.length, table["length"])),
             "Method": [rf"\textbf{{{n}}}" if front else n for n, front in pairs],
         },
         [],

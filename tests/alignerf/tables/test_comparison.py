@@ -140,6 +140,9 @@ def test_colours_are_for_ours_alone(scenes, printed):
     assert not any("cellcolor" in line for line in lines)
     best = next(line for line in tex.splitlines() if "& mipnerf360 " in line)
     assert r"\cellcolor[HTML]{FF9999}" in best
+    # Each length has a best of its own.
+    rows = [line for line in tex.splitlines() if "& mipnerf360 " in line]
+    assert [r"\cellcolor[HTML]{FF9999}" in line for line in rows] == [True, True]
 
 
 def test_rankings_are_between_all_test_sets(scenes):

@@ -95,16 +95,19 @@ def test_the_best_are_coloured_in_each_block(within):
     lines = LINES[LINES["set"] == "a"].assign(psnr_db=[1.0, 2.0])
     text = latex.of_lines(
         lines,
-        {"Kind": ["one", "other"], "Method": lines["method"]},
+        {"Method": lines["method"]},
         [("psnr_db", "PSNR", ".1f")],
         by="set",
         values=["a"],
         best={"psnr_db": True},
-        within=within,
     )
     assert text.splitlines()[0].endswith(r"\usepackage[table]{xcolor}")
+    kinds = pd.MultiIndex.from_arrays([["one", "other"]], names=["Kind"])
+    psnr_db, none = pd.Series([1.0, 2.0], kinds), pd.Series([False, False], kinds)
+    text = latex.side_by_side(psnr_db, psnr_db, ".1f", True, none, within)
     best = [
-        rf"\cellcolor[HTML]{{{latex.COLOURS[0]}}} {n}" in text for n in ("1.0", "2.0")
+        rf"\cellcolor[HTML]{{{latex.COLOURS[0]}}}{n} / {n}" in text
+        for n in ("1.0", "2.0")
     ]
     assert best == [within == "Kind", True]
 
