@@ -11,7 +11,7 @@ from alignerf.io import faults
 # Columns of numbers, told by their units.
 NUMBERS = re.compile(
     r"(^|_)(value|db|px|s|deg|ev|share|fraction|ratio|pixels|params|params_m|steps|rays_seen|hours)$"
-    r"|^(ssim|lpips_\w+)$"
+    r"|(^|_)(ssim|lpips|lpips_\w+|times|epochs)$"
 )
 
 # Names: a photo may be called NA or 0042, a method 1, and a hash may have digits alone.
@@ -19,7 +19,7 @@ TEXTS = (
     "view test_set metric method description baseline base scene variant split field "
     "warping parts condition difference_to source origin quantity group changes beside "
     "published folder way flows corrected before stands_out length commit lock device "
-    "environment aligned data note"
+    "environment aligned data note effect over truth reproduced"
 )
 TEXTS = dict.fromkeys(re.findall(r"\w+", TEXTS), str)
 

@@ -49,7 +49,7 @@ def test_a_table_that_is_none_is_named(tmp_path, text, reason):
 
 
 # Columns without a unit that count something, or say yes or no.
-COUNTS = {"round", "rows", "views", "scenes", "seeds", "pareto", "tau"}
+COUNTS = {"table", "round", "rows", "views", "scenes", "seeds", "pareto", "tau"}
 COUNTS |= {"tau_low", "tau_high", "motion_m", "flow_mrad", "budget", "memory_mib"}
 COUNTS |= {"moves_cameras", "moves_photos", "half", "pairs", "match_blur"}
 COUNTS |= {"within_025", "within_050", "within_100"}
