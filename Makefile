@@ -146,11 +146,5 @@ lock:
 		--no-annotate --no-header --generate-hashes \
 		--constraint requirements.lock --output-file requirements-site.lock
 
-# What has the mark of this program; a user's folders in results/ stay, and configs.
-clean:
-	for mark in results/*/.why-blurry results/splats/*/.why-blurry; do rm -rf "$${mark%/.why-blurry}"; done
-	for one in results/*.provenance.json; do \
-		for end in csv tex png provenance.json; do rm -f "$${one%.provenance.json}.$$end"; done; done
-	rm -f results/logs/run-????????-??????-*.log
-	rm -rf results/bench results/torture results/.jax_cache
-	rm -rf .snakemake .pytest_cache site
+clean: $(VENV)/.installed
+	@python -m alignerf.cli.clean

@@ -131,16 +131,18 @@ check.or_exit(results.check_folders, wanted.scenes, experiments.methods)
 check.or_exit(cluster.link, wanted.scenes, rules.config.output[0])
 
 
-# What cannot be written to, and what a killed run has half written. Jobs elsewhere write
-# what this run's process has looked at.
+# What cannot be written to, or is held by another run. Jobs elsewhere write what this
+# run's process has looked at.
 onstart:
     if workflow.is_main_process:
         check.or_exit(results.check_writable, wanted.scenes, experiments.methods)
+        check.or_exit(results.hold, *wanted.scenes)
         targets.tidy(wanted.scenes)
         check.or_exit(
             results.claim,
             wanted.scenes,
             targets.replaced(experiments, workflow.dag),
+            targets.written(workflow.dag),
         )
 
 

@@ -7,7 +7,6 @@ succeeded; poses.json is moved last, so its presence says that the rest is compl
 
 import json
 import logging
-import shutil
 import time
 from pathlib import Path
 
@@ -296,7 +295,7 @@ def publish(fresh, out):
             # Left by another source of the same scene name, and no longer true.
             if (out / name).is_dir():
                 owned.check_replaced(out / name)
-                shutil.rmtree(out / name)
+                owned.remove(out / name)
             else:
                 (out / name).unlink()
 

@@ -13,6 +13,7 @@ from pathlib import Path
 from alignerf.captures import base, typed
 from alignerf.cli import configs, folders, light, workflow
 from alignerf.experiment import check, layout, plan, targets
+from alignerf.experiment.checks import results
 from alignerf.io import faults
 from alignerf.scenes import originals, photos
 
@@ -29,7 +30,7 @@ def main(argv=None):
     if args.name and len(scenes) == 1:
         scenes = {args.name: next(iter(scenes.values()))}
     scenes = folders.with_colmap(scenes)
-    with configs.held(name, *scenes):
+    with results.held(name, *scenes):
         run(name, scenes, folder, args)
 
 

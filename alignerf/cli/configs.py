@@ -5,7 +5,6 @@ where results are of other inputs, or into a user's folder.
 """
 
 import argparse
-import contextlib
 import copy
 import hashlib
 import logging
@@ -14,7 +13,6 @@ import os
 import shlex
 from pathlib import Path
 
-import filelock
 import yaml
 
 from alignerf.captures import base
@@ -53,9 +51,9 @@ USAGE = {
     "judge": "make judge PHOTOS=images RENDERS=renders|SPLAT=model.ply "
     '[CAMERAS=sparse/0] [DEPTH=depth] [OPTIONS="--name x"]',
     "export": "make export SCENE=my_photos [WIDTH=1600]",
+    "clean": "make clean",
 }
-# The workflow engine's folder, and what its lock means.
-ENGINE = Path(".snakemake")
+# What the workflow engine's lock means.
 LOCKED = "another run works in this folder, or one was killed. If none works, type:"
 
 
@@ -137,45 +135,6 @@ def of_photos(args):
     """{key: value} of a scene, of the options that are given."""
     keys = ("background", "pose_convention")
     return {key: value for key in keys if (value := getattr(args, key))}
-
-
-@contextlib.contextmanager
-def held(*names):
-    """Keep results/NAME, of each, to this process; ValueError where a run is at work.
-
-    The locks end with the process, also where that is killed. Snakemake's own is looked
-    at too: a run may have been begun by it, or have left it.
-    """
-    ENGINE.mkdir(exist_ok=True)
-    with contextlib.ExitStack() as stack:
-        # Of a run that was refused nothing is left.
-        stack.callback(remove_empty, ENGINE)
-        for name in sorted(set(names)):
-            path = ENGINE / f"{name}.held"
-            try:
-                stack.enter_context(filelock.FileLock(path, blocking=False))
-            except filelock.Timeout:
-                fault = f"results/{name}: another run is at work there"
-                raise ValueError(fault) from None
-            stack.callback(path.unlink, missing_ok=True)
-            if is_locked(name):
-                raise ValueError(f"{LOCKED} {unlocking()}")
-        yield
-
-
-def remove_empty(folder):
-    with contextlib.suppress(OSError):
-        folder.rmdir()
-
-
-def is_locked(name):
-    """Whether Snakemake's lock is on files of results/NAME."""
-    begins = f"results/{name}/"
-    return any(
-        line.startswith(begins)
-        for path in (ENGINE / "locks").glob("*.output.lock")
-        for line in path.read_text(encoding="utf-8", errors="replace").splitlines()
-    )
 
 
 def unlocking():

@@ -13,6 +13,7 @@ from pathlib import Path
 from alignerf.captures import typed
 from alignerf.cli import configs, folders, workflow
 from alignerf.experiment import targets
+from alignerf.experiment.checks import results
 from alignerf.experiment.tables import shipped
 from alignerf.io import faults, machine, provenance
 
@@ -27,7 +28,7 @@ def main(argv=None):
     print(f"config: {faults.one_line(str(path))}", flush=True)
     overrides = [f"export_width_px={args.width}"] if args.width else []
     named = None if path == shipped.DEMO else path
-    with configs.held(path.stem, *scenes):
+    with results.held(path.stem, *scenes):
         code = workflow.run(named, args.cores, "export", overrides=overrides)
     if code:
         sys.exit(code)

@@ -19,7 +19,7 @@ from pathlib import Path
 
 from alignerf.captures import base, typed
 from alignerf.cli import configs, folders, light, workflow
-from alignerf.experiment import targets
+from alignerf.experiment import layout, targets
 from alignerf.experiment.checks import results
 from alignerf.experiment.checks import scenes as of_scenes
 from alignerf.io import atomic, faults, owned, provenance
@@ -36,8 +36,7 @@ THEIRS = "theirs"
 # 0.3 px, and motion, between photos and sharp renders of right poses, where the usual
 # one finds 0.14 px.
 MAX_PIXELS, LARGE = 100_000_000, "dis_fine"
-# Renders of splats: no results of a scene have this name.
-SPLATS = Path("results", "splats")
+SPLATS = Path(layout.SPLATS)
 ASSUMED = (
     "CAMERAS is not given: a horizontal field of view of %.0f degrees is assumed. Only "
     "rotation and zoom of a camera can be told, roughly, and nothing can be exported"
@@ -74,7 +73,7 @@ def main(argv=None):
     if args.before is None:
         args.before = last_of(args.photos, name)
     check_before(args.before, name)
-    with configs.held(name):
+    with results.held(name):
         run(name, args)
 
 
@@ -163,7 +162,7 @@ def render_splat(name, path, args):
         with light.interruptible():
             told = splat.render(own, found, cameras, place, files)
     finally:
-        configs.remove_empty(SPLATS)
+        results.remove_empty(SPLATS)
     print("{gaussians:,} Gaussians rendered, their world {world}".format(**told))
 
 
@@ -187,7 +186,7 @@ def new_name(args):
     name = folders.free("_".join(dict.fromkeys(filter(None, (of, model)))))
     for number in itertools.count(1):
         one = name if number == 1 else f"{name}_{number}"
-        at_work = (configs.ENGINE / f"{one}.held").exists()
+        at_work = results.lock_of(one).exists()
         if at_work or is_free(one) or is_same(one, args):
             return one
 

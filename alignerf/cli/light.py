@@ -98,7 +98,6 @@ def run(path, cores, wanted, overrides=(), forced=()):
     cluster.link(experiment.scenes, S.config)
     sources.set_environment(experiment.captures(), targets.export_command([path]))
     results.check_writable(experiment.scenes, experiment.methods)
-    targets.tidy(experiment.scenes)
     found = jobs_of(experiment, wanted_of(experiment, wanted), cores)
     with interruptible() as asked, shown(experiment.captures()) as (told, tell):
         code, lines = make(experiment.scenes, found, forced, tell, asked)
@@ -176,7 +175,7 @@ def make(scenes, found, forced, tell, asked):
             stale.append(job)
             anew |= set(job.outputs)
     # Outputs are replaced as they are written: a user's files among them stay.
-    results.claim(scenes, ())
+    results.claim(scenes, written=[p for j in stale for p in (*j.outputs, j.log)])
     tell(event="run_info", total=len(stale), scenes="\n".join(scenes))
     for number, job in enumerate(stale):
         scene, told = job.wildcards.scene, {"jobid": number, "rule_name": job.rule}

@@ -61,7 +61,7 @@ def adjust(name, config, args):
     """Check one scene's cameras, print what they are like, and write better ones."""
     place = Path("results", name)
     of_results.check_reads({f"scenes.{name}.path": config["path"]}, [place])
-    with configs.held(name):
+    with of_results.held(name):
         owned.check(place)
         configs.check_there(Path(f"{place}.yaml"), {"scenes": {name: config}}, "poses")
         write_adjusted(name, place, config, args)

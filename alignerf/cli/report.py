@@ -8,18 +8,20 @@ import functools
 import json
 import math
 import os
+import re
 import sys
 import textwrap
 import time
 from pathlib import Path
 from typing import NamedTuple
 
-from rich import console, progress
+from rich import console
+from rich import progress as bars
 
-from alignerf.cli import configs, jobs
+from alignerf.cli import configs
 from alignerf.costs import summary
 from alignerf.experiment import targets
-from alignerf.io import faults
+from alignerf.io import faults, progress
 
 # Rules whose own lines are shown, as a user decides by them.
 TELLING = ("preflight",)
@@ -35,6 +37,35 @@ NAME_WIDTH, WIDTH, BAR_WIDTH = 62, 94, 24
 MAX_WARNINGS = 5
 # What is left of a plan is not known to so many seconds.
 SOON_S = 5
+# {} is the training, as `of_training` names it. Other rules have their own name.
+NAMES = {
+    "poses": "photos and cameras",
+    "facts": "facts about the photos, settings that suit them",
+    "config": "the complete config",
+    "preflight": "what the run will cost",
+    "preview": "what the run will cost",
+    "train": "{}: training",
+    "render": "{}: renders",
+    "align": "{}: flow from renders to photos",
+    "decompose": "{}: parts of the flow",
+    "overfit": "{}: error of the flow estimator",
+    "correct_poses": "{}: cameras corrected",
+    "align_test_poses": "{}: cameras fitted to test photos",
+    "evaluate": "{}: scores",
+    "decide": "{}: decision on another round",
+    "testset": "warped test photos",
+    "control_sets": "controls of the warped test photos",
+    "collect": "scores and costs",
+    "tables": "table",
+    "draw": "figures",
+    "verdict": "verdict",
+    "page": "page",
+    "export_folder": "{}: files for other programs",
+}
+# What two jobs of one training differ in besides.
+BESIDES = {"split": "{} photos", "what": "{}", "table": "{}"}
+MOVED = "with moved cameras"
+LAST_BYTES = 4000
 
 
 class Running(NamedTuple):
@@ -57,9 +88,9 @@ class Report:
         # An editor's shell knows no control sequences.
         live = (stream or sys.stdout).isatty() and os.environ.get("TERM") != "dumb"
         self.console = console.Console(file=stream, force_terminal=live)
-        self.bar = progress.Progress(
-            progress.BarColumn(BAR_WIDTH),
-            progress.TextColumn("{task.description}", markup=False),
+        self.bar = bars.Progress(
+            bars.BarColumn(BAR_WIDTH),
+            bars.TextColumn("{task.description}", markup=False),
             console=self.console,
             transient=True,
             auto_refresh=False,
@@ -104,7 +135,7 @@ class Report:
         if kind == "job_info" and event["output"]:
             self.running[event["jobid"]] = Running(
                 event["rule_name"],
-                jobs.name_of(event["rule_name"], event["wildcards"], self.captures),
+                name_of(event["rule_name"], event["wildcards"], self.captures),
                 time.monotonic(),
                 event["output"],
                 event["log"],
@@ -127,8 +158,8 @@ class Report:
         how = ("  stopped" if self.stopping else "  FAILED") if failed else ""
         self.line(f"  {job.name:<{NAME_WIDTH}} {took:>7}{how}")
         if job.rule in TELLING and not failed:
-            self.tell(jobs.said(job.logs))
-        new = [x for x in jobs.warnings(job.logs) if x not in self.warned]
+            self.tell(said(job.logs))
+        new = [x for x in warnings(job.logs) if x not in self.warned]
         self.warned.update(new)
         self.tell(new[:MAX_WARNINGS])
         if (more := len(new) - MAX_WARNINGS) > 0:
@@ -142,7 +173,7 @@ class Report:
 
     def state(self):
         """(share that is done, 'jobs done, time left; jobs that run')."""
-        shown = {job.name: jobs.last_shown(job.logs) for job in self.running.values()}
+        shown = {job.name: last_shown(job.logs) for job in self.running.values()}
         share = self.done / max(self.total, 1)
         text = f"{self.done} of {self.total} jobs"
         share_of = functools.partial(self.share, shown)
@@ -159,7 +190,7 @@ class Report:
     def share(self, shown, path, task):
         """The share of a task that a running job has done; None where none runs.
 
-        shown: {name of a running job: `progress.Shown`, or None}.
+        shown: {name of a running job: `bars.Shown`, or None}.
         """
         # Of crops, files lie beside the scene's folder.
         path = Path(os.path.normpath(path))
@@ -211,3 +242,66 @@ def clock(seconds):
     if hours:
         return f"{hours}:{minutes:02d}:{seconds:02d}"
     return f"{minutes}:{seconds:02d}"
+
+
+def name_of(rule, wildcards, captures):
+    """'plain: training', after the scene's name where there are several.
+
+    wildcards: {name: value} of the job. captures: scenes of the run.
+    """
+    parts = [NAMES.get(rule, rule.replace("_", " ")).format(of_training(wildcards))]
+    for key, text in BESIDES.items():
+        if wildcards.get(key):
+            parts.append(text.format(wildcards[key]))
+    if wildcards.get("moved"):
+        parts.append(MOVED)
+    scene = wildcards.get("scene")
+    alone = scene is None or [scene] == list(captures)
+    return ("" if alone else f"{scene}: ") + ", ".join(parts)
+
+
+def of_training(wildcards):
+    """'plain' of plain/round0, 'plain, round 1' of plain/round1."""
+    name = wildcards.get("training") or wildcards.get("method") or "all"
+    if "round" in wildcards and "training" not in wildcards:
+        name += f"/round{wildcards['round']}"
+    name = re.sub(r"/round(\d+)", r", round \1", name.replace("/round0", ""))
+    return name.replace("/", " ")
+
+
+def last_shown(logs):
+    """The last `progress.Shown` of a job's logs; None where there is none."""
+    for path in logs:
+        lines = re.split(r"[\r\n]+", last_text(Path(path)).strip())
+        if (shown := progress.read(lines[-1])) is not None:
+            return shown
+    return None
+
+
+def last_text(path):
+    """The end of a file; nothing where it cannot be read."""
+    try:
+        with open(path, "rb") as file:
+            file.seek(max(0, os.fstat(file.fileno()).st_size - LAST_BYTES))
+            return file.read().decode(errors="replace")
+    except OSError:
+        return ""
+
+
+def said(logs):
+    """Lines of a job's logs, without those of its progress."""
+    found = []
+    for path in logs:
+        try:
+            text = Path(path).read_text(encoding="utf-8", errors="replace")
+        except OSError:
+            continue
+        lines = [line.split("\r")[-1].rstrip() for line in text.splitlines()]
+        found += [line for line in lines if line and not progress.read(line)]
+    return found
+
+
+def warnings(logs):
+    """The warnings among them, each once."""
+    found = (line for line in said(logs) if line.startswith(faults.WARNING))
+    return list(dict.fromkeys(found))

@@ -20,6 +20,7 @@ Why a NeRF or a splat is blurry, and what to fix first.
                                    diagnose renders, or a splat, of another program
     why-blurry export my_photos    write photos, cameras and points for other programs
     why-blurry show                print the tables and verdicts of finished runs
+    why-blurry clean               delete the results of this program, nothing else
 
 `why-blurry photos --help` lists the options of photos. Results go into results/ of the
 current folder. VERBOSE=1 in the environment shows all output.
@@ -34,6 +35,7 @@ COMMANDS = {
     "judge": "alignerf.cli.judge",
     "export": "alignerf.cli.export",
     "show": "alignerf.show",
+    "clean": "alignerf.cli.clean",
 }
 
 

@@ -21,6 +21,7 @@ import psutil
 from alignerf.cli import configs, light, report
 from alignerf.experiment import asked, sources, targets
 from alignerf.experiment.tables import shipped
+from alignerf.io import owned
 
 LOGS, KEPT = Path("results/logs"), 10
 OURS = re.compile(r"run-\d{8}-\d{6}-\d+\.log")
@@ -159,6 +160,7 @@ def end(process):
 
 def log_file():
     """A new file for all that a run prints; of earlier ones the last few stay."""
+    owned.check_links(LOGS)
     LOGS.mkdir(parents=True, exist_ok=True)
     ours = sorted(path for path in LOGS.iterdir() if OURS.fullmatch(path.name))
     for old in ours[: 1 - KEPT]:

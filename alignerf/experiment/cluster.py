@@ -4,8 +4,8 @@ import os
 import re
 from pathlib import Path
 
-# Where Snakemake has the copies of files that lie in a storage.
-STORAGE = ".snakemake/storage"
+from alignerf.io import owned
+
 STATUS = re.compile(r"SLURM-job '(\d+)' failed.*?SLURM status is:\s+'(\w+)")
 REFUSED = re.compile(
     r"SLURM sbatch failed\. The error message was '(.*?)'\.", re.DOTALL
@@ -45,7 +45,7 @@ def link(scenes, output, results="results"):
     for scene in scenes:
         there, copy = Path(results) / scene, copies.absolute() / scene
         if not in_storage:
-            if there.is_symlink() and STORAGE in os.readlink(there):
+            if there.is_symlink() and owned.STORAGE in os.readlink(there):
                 raise ValueError(f"{there}: leads into a storage: remove this link")
             continue
         copy.mkdir(parents=True, exist_ok=True)

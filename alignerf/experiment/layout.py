@@ -7,6 +7,8 @@ split that others need. Commands name what is inside.
 import re
 
 RESULTS = "results"
+# Renders of splats: no results of a scene have this name.
+SPLATS = f"{RESULTS}/splats"
 
 
 class Below:

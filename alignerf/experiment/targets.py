@@ -5,7 +5,6 @@ import os
 import re
 import shlex
 import shutil
-import sys
 import types
 from pathlib import Path
 
@@ -13,7 +12,6 @@ from alignerf.captures import base
 from alignerf.experiment import cluster, layout
 from alignerf.experiment.tables import shipped
 from alignerf.io import (
-    atomic,
     faults,
     json_files,
     machine,
@@ -203,14 +201,14 @@ def replaced(experiment, dag):
 
 
 def tidy(scenes):
-    """Remove what killed processes of earlier runs have half written, and say so."""
+    """Remove copies of outputs that Snakemake has put aside, and will not overwrite."""
     for name in scenes:
-        # Copies of outputs that Snakemake has put aside, and will not overwrite.
         shutil.rmtree(f".snakemake/backups/results/{name}", ignore_errors=True)
-    found = [path for name in scenes for path in atomic.sweep(layout.Scene(name))]
-    if found:
-        few = faults.some_names([faults.one_line(str(path)) for path in found])
-        print(f"removed what a killed run had half written: {few}", file=sys.stderr)
+
+
+def written(dag):
+    """All files of jobs that will run, their logs among them."""
+    return [one for job in dag.needrun_jobs() for one in (*job.output, *job.log)]
 
 
 def say_in_the_end(lines):

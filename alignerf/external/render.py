@@ -10,7 +10,6 @@ entry for each split.
 import hashlib
 import json
 import logging
-import shutil
 from contextlib import ExitStack
 from pathlib import Path
 
@@ -55,15 +54,15 @@ def main(argv=None):
         write(args, loaded, of_folders(*folders, loaded, args.splits), 0.0)
     else:
         # It stays where something is wrong with it, for its owner to look at.
+        owned.clear(args.training / "rendered")
         work = faults.resolved(args.training / "rendered")
-        shutil.rmtree(work, ignore_errors=True)
         folders = {name: work / name for name in ("renders", "depth")}
         for folder in folders.values():
             folder.mkdir(parents=True)
         seconds = commands.run_of_job(job.render, args, **folders)
         of_view = of_folders(*folders.values(), loaded, args.splits)
         write(args, loaded, of_view, seconds)
-        shutil.rmtree(work)
+        owned.clear(work)
 
 
 def of_folders(images, depth, loaded: prepared.Scene, splits):

@@ -57,7 +57,7 @@ def train(job: commands.Job, args) -> float:
     begun, model = args.training / BEGUN, args.training / commands.MODEL
     digest = digest_of(job, args)
     if not (begun.is_file() and faults.content(begun) == digest.encode()):
-        shutil.rmtree(model, ignore_errors=True)
+        owned.clear(model)
         given = {"cameras": args.cameras, "warped": args.photos, "valid": args.valid}
         out = args.training / commands.DATA
         write_data(out, args.scene, **given, seed=args.seed)
@@ -70,6 +70,7 @@ def train(job: commands.Job, args) -> float:
     begun.unlink()
     if not any(model.iterdir()):
         log.warning("the command has written nothing below {model}")
+    owned.seal(model)
     log.info("trained in %.1f s", seconds)
     return seconds
 

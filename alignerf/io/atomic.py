@@ -26,6 +26,7 @@ def replace_file(path):
     The temporary name keeps the suffix, which writers choose their format by.
     """
     path = Path(path)
+    owned.check_links(path)
     with naming(path):
         path.parent.mkdir(parents=True, exist_ok=True)
         prefix = temporary_prefix(path.stem)
@@ -75,6 +76,7 @@ def move(source, target):
                 os.rename(target, scratch / "old")
             os.rename(source, target)
     else:
+        owned.check_links(target)
         os.replace(source, target)
 
 
@@ -86,6 +88,7 @@ def scratch_folder(parent, *, name="scratch"):
     stage leaves nothing behind.
     """
     parent = Path(parent)
+    owned.check_links(parent)
     existed = parent.exists()
     # Of a folder that is about to be replaced, errors name that.
     target = parent if name == "scratch" else parent / name
@@ -130,8 +133,8 @@ def naming(path):
         raise
 
 
-def sweep(folder):
-    """Remove what dead processes of this machine have left in a folder and below.
+def sweep(folder, *, below=True):
+    """Remove what dead processes of this machine have left in a folder, and below.
 
     Returns the removed paths. Files of living processes and of other machines stay.
     """
@@ -148,6 +151,8 @@ def sweep(folder):
                     with contextlib.suppress(OSError):
                         path.unlink()
                 removed.append(path)
+        if not below:
+            break
     return removed
 
 

@@ -1,14 +1,14 @@
-"""Which folders are this program's: a mark lies in each, written first.
+"""Which files are this program's: marks list them, and nothing else is removed.
 
 A folder with files and without a mark is a user's: nothing is written into it. The mark
-of a folder that is replaced as a whole lists its files: any other file is a user's, and
-stays, and so is a link in the place of one. An empty mark, as `touch` makes it, takes
-all there is for the program's.
+of a folder that is written as a whole lists its files: any other file there is a
+user's, and stays. So is a link, which is neither written through nor removed.
 """
 
 import json
 import os
 import re
+import shutil
 from pathlib import Path
 
 from alignerf.io import faults, json_files
@@ -21,16 +21,34 @@ TEMPORARY = re.compile(r"\.[^/]*~(?P<host>[^~/]*)~(?P<process>\d+)~[^/]*\Z")
 # Marks, and what systems and the workflow engine put into any folder.
 JUNK = {MARK, FRESH, ".snakemake_timestamp"}
 JUNK |= {".DS_Store", "Thumbs.db", "desktop.ini"}
+# Where Snakemake has the copies of files that lie in a storage.
+STORAGE = ".snakemake/storage"
 
 
 def check(folder):
-    """ValueError where a folder has files, and no mark."""
+    """ValueError where a folder has files, and no mark; or lies behind a link."""
+    check_links(folder)
     if not is_marked(folder) and next(files_of(folder), None):
         raise ValueError(
             f"{folder}: has files, and none is {MARK}, the mark of this program: move "
-            "it away, or give results another name (--name). Where all files are the "
-            f"program's own: touch {folder}/{MARK}"
+            "it away, or give results another name (--name)"
         )
+
+
+def check_links(path):
+    """ValueError where a path leads through a link below results/ or a marked folder.
+
+    results/ itself may be one, as onto another disk. A scene's folder may lead into a
+    storage of the workflow engine.
+    """
+    path, inside = Path(os.path.abspath(path)), False
+    for one in [*reversed(path.parents), path]:
+        if inside and one.is_symlink() and STORAGE not in os.readlink(one):
+            raise ValueError(
+                f"{one}: a link, and nothing is written through one: move it away, or "
+                "let results/ itself be a link"
+            )
+        inside = inside or one == Path.cwd() / "results" or is_marked(one)
 
 
 def is_marked(folder):
@@ -45,6 +63,7 @@ def claim(folder):
 
 def put(folder, names=()):
     """Make a folder with a mark, or put one into it; `names` are files to come."""
+    check_links(folder)
     Path(folder).mkdir(parents=True, exist_ok=True)
     if not is_marked(folder) or names:
         write_mark(folder, listed(folder) | set(names))
@@ -56,28 +75,23 @@ def seal(folder):
 
 
 def write_mark(folder, names):
-    """Whole or not at all: an empty one says another thing."""
+    """Whole or not at all, also where the machine stops: an empty one lists nothing."""
     fresh = Path(folder) / FRESH
-    fresh.write_text(json.dumps(sorted(names)))
+    with open(fresh, "w", encoding="utf-8") as file:
+        json.dump(sorted(names), file)
+        file.flush()
+        os.fsync(file.fileno())
     os.replace(fresh, Path(folder) / MARK)
-
-
-def takes_all(folder):
-    """Whether an empty mark takes all there is in a folder for the program's."""
-    return is_marked(folder) and (Path(folder) / MARK).stat().st_size == 0
 
 
 def listed(folder):
     """Relative paths of those files of a folder that its mark lists."""
-    there = set(files_of(folder))
-    if takes_all(folder):
-        return there
     try:
         said = json_files.read_list(Path(folder) / MARK)
     except (OSError, ValueError):
         return set()
     # It could list anything, and what is listed is removed.
-    names = {name for name in said if isinstance(name, str)} & there
+    names = {name for name in said if isinstance(name, str)} & set(files_of(folder))
     return {name for name in names if not Path(folder, name).is_symlink()}
 
 
@@ -91,19 +105,22 @@ def files_of(folder):
                 yield os.path.relpath(os.path.join(root, name), folder)
 
 
-def others(folder):
-    """Relative paths of a user's files in a folder, by its outermost marks."""
-    if is_marked(folder):
-        return sorted(set(files_of(folder)) - listed(folder))
-    found = []
+def own(folder):
+    """Relative paths of this program's files in a folder, by its outermost marks.
+
+    A mark that lists nothing, as a scene's does, leaves it to those below.
+    """
+    if found := listed(folder):
+        return found
     for one in os.scandir(folder) if os.path.isdir(folder) else ():
-        if TEMPORARY.match(one.name):
-            continue
-        if one.is_dir(follow_symlinks=False):
-            found += [os.path.join(one.name, name) for name in others(one.path)]
-        elif one.name not in JUNK:
-            found.append(one.name)
-    return sorted(found)
+        if one.is_dir(follow_symlinks=False) and not TEMPORARY.match(one.name):
+            found |= {os.path.join(one.name, name) for name in own(one.path)}
+    return found
+
+
+def others(folder):
+    """Relative paths of a user's files in a folder."""
+    return sorted(set(files_of(folder)) - own(folder))
 
 
 def check_replaced(folder):
@@ -113,6 +130,34 @@ def check_replaced(folder):
             f"{Path(folder, found[0])}: not of this program, which replaces {folder}: "
             f"move it away ({faults.some_names(found)})"
         )
+
+
+def remove(folder, is_ours=lambda name: False):
+    """Remove this program's files from a folder, and what is empty then.
+
+    is_ours: whether a file that no mark lists is, by its path in the folder. Returns
+    the paths of a user's files, which stay.
+    """
+    check_links(folder)
+    listed_ones = own(folder)
+    for name in [*files_of(folder)]:
+        path = Path(folder, name)
+        if name in listed_ones or (is_ours(name) and not path.is_symlink()):
+            path.unlink()
+    for root, inner, names in os.walk(folder, topdown=False):
+        inside = [one for one in inner if os.path.lexists(os.path.join(root, one))]
+        if not inside and set(names) <= JUNK:
+            for name in names:
+                Path(root, name).unlink()
+            os.rmdir(root)
+    return sorted(files_of(folder))
+
+
+def clear(folder):
+    """Remove a folder that another program's command has to itself, with all of it."""
+    check_links(folder)
+    if Path(folder).is_dir():
+        shutil.rmtree(folder)
 
 
 def merge(fresh, folder):

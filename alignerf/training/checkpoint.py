@@ -21,7 +21,7 @@ import flax.serialization
 import jax
 import numpy as np
 
-from alignerf.io import atomic, faults, json_files
+from alignerf.io import atomic, faults, json_files, owned
 
 log = logging.getLogger("alignerf")
 
@@ -52,6 +52,7 @@ def lock(folder):
     A killed Snakemake leaves its training running: two writers would ruin both.
     """
     folder = pathlib.Path(folder)
+    owned.check_links(folder / "lock")
     folder.mkdir(parents=True, exist_ok=True)
     held = filelock.FileLock(folder / "lock", timeout=0)
     try:

@@ -3,11 +3,13 @@
 import re
 from pathlib import Path
 
+import filelock
 import pytest
 import skimage.data
 import yaml
 from PIL import Image
 
+from alignerf.experiment.checks import results
 from alignerf.io import owned
 from tests import dry_runs
 
@@ -138,6 +140,19 @@ def test_bad_photos_end_in_one_line(tmp_path, snakemake, fill, reason):
         "logs/poses.log",
     }
     assert names <= {Path("mine") / name for name in known}
+
+
+def test_a_run_waits_for_nobody_who_holds_its_results(tmp_path, snakemake):
+    """As `make judge` does, from this checkout or from another."""
+    (tmp_path / "my photos").mkdir()
+    config = {"scenes": {"mine": {"source": "photos", "path": "my photos"}}}
+    options = ("--configfile", write(tmp_path, config), "--cores", "1")
+    (tmp_path / "results").mkdir()
+    with filelock.FileLock(tmp_path / results.lock_of("mine")):
+        code, output = snakemake(tmp_path, *options)
+    assert code == 1
+    assert "error: results/mine: another run is at work there" in output
+    assert not (tmp_path / "results/mine").exists()
 
 
 def test_a_file_in_the_place_of_a_folder_is_named(tmp_path, demo, dry_run):

@@ -10,7 +10,7 @@ import pathlib
 import sys
 import time
 
-from alignerf.io import faults
+from alignerf.io import faults, owned
 from tools.bench import cases, report
 
 ROOT = pathlib.Path(__file__).resolve().parents[2]
@@ -53,6 +53,7 @@ def main(argv=None):
         results=args.results,
         method=args.method,
     )
+    owned.claim(args.out)
     header = report.hardware()
     print(" | ".join(f"{key} {value}" for key, value in header.items()), flush=True)
     for name in args.only:

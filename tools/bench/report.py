@@ -11,7 +11,7 @@ import subprocess
 
 import jax
 
-from alignerf.io import atomic
+from alignerf.io import atomic, owned
 
 COLUMNS = ("median", "low", "high", "count")
 
@@ -105,6 +105,7 @@ def goal_text(row):
 def write(folder, name, header, rows):
     """Write <name>.json (with the hardware) and <name>.csv into the folder."""
     folder = pathlib.Path(folder)
+    owned.put(folder, [f"{name}.json", f"{name}.csv"])
     found = {
         "hardware": header,
         "rows": [

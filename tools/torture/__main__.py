@@ -16,20 +16,30 @@ from pathlib import Path
 
 import pandas as pd
 
-from alignerf.io import provenance
+from alignerf.io import atomic, owned, provenance
 from tools.torture import chains, clock, parts
+
+REPORT = ("report.csv", "report.provenance.json", "findings.txt")
 
 
 def main(argv=None):
     args = parse(argv)
     os.environ["PYTHONPATH"] = str(parts.ROOT)
     os.environ.setdefault("JAX_PLATFORMS", "cpu")
-    args.out.mkdir(parents=True, exist_ok=True)
+    owned.check(args.out)
+    owned.put(args.out, REPORT)
+    atomic.sweep(args.out)
     chains.take_interrupts()
     chosen = args.only or list(parts.PARTS)
     shares = {name: parts.SHARES[name] for name in chosen}
     limit = clock.Clock(args.minutes, shares)
     reference = reference_of(args.out / "reference")
+    with atomic.scratch_folder(args.out) as args.work:
+        return attack(reference, args, limit, shares)
+
+
+def attack(reference, args, limit, shares):
+    """Try all parts, and report; 1 where anything was found."""
     print(f"seed {args.seed}", flush=True)
     rows, said = [], []
     for name in shares:
@@ -85,7 +95,7 @@ def parse(argv=None):
     )
     parser.add_argument("--names", type=int, default=2000, help="of folders and views")
     args = parser.parse_args(argv)
-    args.out = args.out.absolute()
+    args.work = args.out = args.out.absolute()
     return args
 
 
@@ -102,6 +112,7 @@ def reference_of(folder):
     chain = chains.make(parts.ROOT, folder)
     chains.finish(chain)
     told.write_text(now)
+    owned.put(folder.parent, (f"reference/{one}" for one in owned.files_of(folder)))
     return chain
 
 

@@ -61,7 +61,7 @@ def attacked(what, attack, cases, args, clock, *, among=1, workers=pool.WORKERS)
         attack,
         cases,
         until=clock.of_next(among),
-        places=[args.out / f"place{number}" for number in range(workers)],
+        places=[args.work / f"place{number}" for number in range(workers)],
         seed=args.seed,
     )
     return Row(what, *found)
@@ -69,7 +69,7 @@ def attacked(what, attack, cases, args, clock, *, among=1, workers=pool.WORKERS)
 
 def stages_of(reference, args):
     """{what: (its finished folder, its stages)} of a chain, and of judged renders."""
-    judged = chains.judged(ROOT, args.out / "judged")
+    judged = chains.judged(ROOT, args.work / "judged")
     return {
         what: (folder, [s for s in found if s.module not in NOT_ATTACKED])
         for what, folder, found in (
@@ -111,7 +111,7 @@ def of_stages(reference, args, clock):
 def of_captures(reference, args, clock):
     """Every file of a folder of each source, in every way."""
     for number, source in enumerate(captures.SOURCES):
-        whole = args.out / "capture"
+        whole = args.work / "capture"
         shutil.rmtree(whole, ignore_errors=True)
         base = captures.make(source, reference.folder, whole / "whole")
         folder = base.parent if source == "photos" else base
@@ -202,7 +202,7 @@ def of_numbers(reference, args, clock):
 def of_arguments(reference, args, clock):
     """Arguments of every command, missing, doubled, and of what they cannot be."""
     choice = random.Random(args.seed)
-    typed = arguments.commands_of_start(args.out / "start")
+    typed = arguments.commands_of_start(args.work / "start")
     planned = [
         arguments.Command(stage, folder)
         for folder, found in stages_of(reference, args).values()
@@ -279,7 +279,7 @@ def of_trees(reference, args, clock):
 
 def of_kills(reference, args, clock):
     """Chains side by side, then the two kinds of trainings, each for half the time."""
-    folder, rngs = args.out / "kills", np.random.default_rng(args.seed).spawn(4)
+    folder, rngs = args.work / "kills", np.random.default_rng(args.seed).spawn(4)
     until, kills = clock.of_next(2) - LAST_RUN_S, pool.shared(args.kills)
     chain = functools.partial(interrupts.killed, reference, until=until)
     ended = pool.together(
@@ -306,7 +306,7 @@ def of_kills(reference, args, clock):
 def of_machines(reference, args, clock):
     """What takes one core, two at a time."""
     rng = np.random.default_rng(args.seed)
-    place = args.out / "machine"
+    place = args.work / "machine"
     every = {
         "full disks": (machines.full_disks, len(machines.DISK_MIB)),
         "SIGTERM and Ctrl-C": (functools.partial(interrupts.stopped, rng=rng), 2),
@@ -329,7 +329,7 @@ def whole(part, *things):
     def rows(reference, args, clock):
         has_room = clock.has_room(SHARES[part])
         for what, cases, function in things:
-            found = function(reference, args.out / "machine") if has_room else []
+            found = function(reference, args.work / "machine") if has_room else []
             yield Row(what, cases if has_room else 0, cases, found)
 
     return rows

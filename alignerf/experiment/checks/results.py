@@ -4,22 +4,30 @@ A user's files are read, and never changed: no path of a config lies in or above
 folder, and one that is there has this program's mark.
 """
 
+import atexit
 import contextlib
 import os
+import sys
 from pathlib import Path
+
+import filelock
 
 from alignerf.captures import base
 from alignerf.experiment.checks.common import fault
-from alignerf.io import owned
+from alignerf.io import atomic, faults, owned
 from alignerf.methods import named_folders
 
 # Folders of a scene besides those of its methods.
 INSIDE = ("images", "tables", "figures", "logs", "pretrain", "testset")
+# Logs of runs and of tables, and compiled programs.
+SHARED = ("logs", ".jax_cache")
+# In the environment: PROCESS:NAME of results that are held, for processes below.
+HELD = "ALIGNERF_HELD"
 
 
 def check_folders(scenes, methods, results="results"):
-    """ValueError for a file in the place of a folder, for a link that leads nowhere,
-    and for a folder of a scene, or one that a link leads to, which is a user's.
+    """ValueError for a file or a link in the place of a folder, and for a folder of a
+    scene which is a user's.
     """
     for folder in folders_of(scenes, methods, results):
         # What is not there will be made.
@@ -27,9 +35,12 @@ def check_folders(scenes, methods, results="results"):
             raise ValueError(
                 f"{folder}: a folder was expected there: move this file away"
             )
-    for folder in outermost(scenes, methods, results):
-        if not is_stored(folder):
-            owned.check(folder)
+        owned.check_links(folder)
+    for shared in SHARED:
+        owned.check_links(Path(results, shared))
+    for scene in scenes:
+        if not is_stored(Path(results, scene)):
+            owned.check(Path(results, scene))
 
 
 def check_writable(scenes, methods, results="results"):
@@ -39,32 +50,86 @@ def check_writable(scenes, methods, results="results"):
             raise ValueError(f"{folder}: cannot be written to, by its permissions")
 
 
-def claim(scenes, replaced, results="results"):
+def claim(scenes, replaced=(), written=(), results="results"):
     """Put the mark into the folders of scenes, before any job begins.
 
-    replaced: folders that jobs write as a whole. ValueError for a user's file in one.
+    replaced: folders that jobs write as a whole. written: all that they write.
+    ValueError for a user's file in one of the former, and for a link in any.
     """
-    for scene in scenes:
-        folder = Path(results, scene)
-        if is_stored(folder):
-            continue
+    ours = [Path(results, scene) for scene in scenes]
+    ours = [folder for folder in ours if not is_stored(folder)]
+    for folder in ours:
         owned.claim(folder)
-        # Results of a version without marks have them nowhere inside.
-        if not owned.takes_all(folder):
-            for one in replaced:
-                if folder in Path(one).parents:
-                    owned.check_replaced(one)
+    for path in written:
+        owned.check_links(path)
+    for path in replaced:
+        if not {*ours}.isdisjoint(Path(path).parents):
+            owned.check_replaced(path)
+
+
+@contextlib.contextmanager
+def held(*names, results="results"):
+    """Keep results/NAME, of each, to this process and those that it starts.
+
+    What a killed run has half written there goes. The locks end with the process, also
+    where that is killed, and lie with what they guard: other checkouts may share it.
+    Raises ValueError where a run is at work.
+    """
+    kept, own = os.environ.get(HELD, "").split(), f"{os.getpid()}:"
+    above = {one.partition(":")[2] for one in kept if not one.startswith(own)}
+    with contextlib.ExitStack() as stack:
+        for name in sorted({*names} - above):
+            path = lock_of(name, results).absolute()
+            # Of a run that was refused nothing is left.
+            if not path.parent.exists():
+                path.parent.mkdir()
+                stack.callback(remove_empty, path.parent)
+            try:
+                stack.enter_context(filelock.FileLock(path, blocking=False))
+            except filelock.Timeout:
+                fault = f"{results}/{name}: another run is at work there"
+                raise ValueError(fault) from None
+            stack.callback(path.unlink, missing_ok=True)
+            tell_swept(atomic.sweep(path.parent, below=False))
+            tell_swept(atomic.sweep(Path(results, name)))
+        os.environ[HELD] = " ".join([*kept, *(own + name for name in names)])
+        stack.callback(os.environ.__setitem__, HELD, " ".join(kept))
+        yield
+
+
+def hold(*names):
+    """`held`, until this process ends."""
+    stack = contextlib.ExitStack()
+    stack.enter_context(held(*names))
+    atexit.register(stack.close)
+
+
+def lock_of(name, results="results"):
+    """The lock of results/NAME."""
+    return Path(results, f".{name}.held")
+
+
+def remove_empty(folder):
+    with contextlib.suppress(OSError):
+        folder.rmdir()
+
+
+def tell_swept(found):
+    """Say what was removed of that which a killed run has half written."""
+    if found:
+        few = faults.some_names([faults.one_line(str(path)) for path in found])
+        print(f"removed what a killed run had half written: {few}", file=sys.stderr)
 
 
 def is_stored(folder):
     """Whether a folder holds a storage's copies, which come and go."""
-    return ".snakemake" in Path(os.path.realpath(folder)).parts
+    return owned.STORAGE in os.path.realpath(folder)
 
 
 def check_apart(config, results="results"):
     """ValueError naming a key whose path lies in or above a folder that is written."""
-    written = outermost(config["scenes"], config["methods"], results)
-    check_reads(paths_of(config), [Path(results, "logs"), *written])
+    written = [Path(results, name) for name in (*SHARED, *config["scenes"])]
+    check_reads(paths_of(config), written)
 
 
 def check_reads(paths, written):
@@ -130,12 +195,6 @@ def lies_in(path, folder):
         os.path.exists(one) and os.path.samefile(one, folder)
         for one in (real, *real.parents)
     )
-
-
-def outermost(scenes, methods, results):
-    """Folders of scenes, and those inside that links lead out of them to."""
-    every = list(folders_of(scenes, methods, results))[1:]
-    return [one for one in every if one.parent == Path(results) or one.is_symlink()]
 
 
 def folders_of(scenes, methods, results):

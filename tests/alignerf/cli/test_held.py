@@ -9,7 +9,8 @@ import pytest
 import yaml
 
 from alignerf.cli import __main__ as photos
-from alignerf.cli import configs, export, judge, poses, workflow
+from alignerf.cli import export, judge, poses, workflow
+from alignerf.experiment.checks import results
 from alignerf.io import owned
 from tests import judged_cases as cases
 
@@ -27,7 +28,8 @@ def here(tmp_path, monkeypatch):
 
 
 def files(folder):
-    return {p: p.read_bytes() for p in folder.rglob("*") if p.is_file()}
+    found = (p for p in folder.rglob("*") if p.is_file() and p.suffix != ".held")
+    return {path: path.read_bytes() for path in found}
 
 
 @pytest.mark.parametrize("first", ["photos", "judge"])
@@ -97,7 +99,7 @@ def test_results_of_two_configs_are_not_mixed(here):
     )
     with pytest.raises(ValueError, match=r"mine/config\.yaml: scene mine is of photos"):
         photos.main(["both"])
-    with configs.held("mine"), pytest.raises(ValueError, match="results/mine: another"):
+    with results.held("mine"), pytest.raises(ValueError, match="results/mine: another"):
         photos.main(["both"])
 
 
@@ -109,13 +111,13 @@ def test_a_run_beside_another_changes_nothing(here, main, words):
     photos.main(PHOTOS)
     (here / "results/mine.yaml").write_text("scenes: {mine: {path: photos}}\n")
     before = files(here / "results")
-    code = "import sys\nfrom alignerf.cli import configs\n"
-    code += "with configs.held('mine'):\n    print(flush=True)\n    sys.stdin.read()\n"
+    code = "import sys\nfrom alignerf.experiment.checks import results\n"
+    code += "with results.held('mine'):\n    print(flush=True)\n    sys.stdin.read()\n"
     pipes = {"stdin": subprocess.PIPE, "stdout": subprocess.PIPE}
     (here / "photos/transforms.json").write_bytes(
         (here / "transforms.json").read_bytes()
     )
-    root = str(Path(configs.__file__).resolve().parents[2])
+    root = str(Path(results.__file__).resolve().parents[3])
     environment = os.environ | {"PYTHONPATH": root}
     with subprocess.Popen(
         [sys.executable, "-c", code], env=environment, **pipes
@@ -127,25 +129,8 @@ def test_a_run_beside_another_changes_nothing(here, main, words):
         run.kill()
         run.wait()
     assert files(here / "results") == before
-    with configs.held("mine"), configs.held("other"):
+    with results.held("mine"), results.held("other"):
         pass
-
-
-@pytest.mark.parametrize("name", ["mine", "other"])
-def test_snakemake_s_own_lock_is_looked_at(here, name):
-    """As of a run that was begun by it, or was killed."""
-    photos.main(PHOTOS)
-    locks = here / ".snakemake/locks"
-    locks.mkdir(parents=True)
-    (locks / "0.output.lock").write_text(f"results/{name}/images\nresults/x/images\n")
-    (here / "results/mine.yaml").unlink()
-    if name == "other":
-        photos.main(PHOTOS)
-        return
-    says = r"another run .* one was killed. If none works, type: snakemake"
-    with pytest.raises(ValueError, match=says):
-        photos.main(PHOTOS)
-    assert not (here / "results/mine.yaml").exists()
 
 
 @pytest.mark.parametrize("main", [photos, judge, poses])

@@ -34,12 +34,12 @@ def test_a_folder_with_files_and_no_mark_is_a_user_s(tmp_path):
     with pytest.raises(ValueError, match=says):
         write(mine, a="ours")
     assert sorted(os.listdir(mine)) == [".DS_Store", "deep"]
-    # As the message says: then all there is is ours.
+    # An empty mark, as of a machine that stopped, takes none of them for ours.
     (mine / owned.MARK).touch()
     owned.claim(mine)
-    assert owned.others(mine) == []
+    assert owned.others(mine) == ["deep/photo.jpg"]
     write(mine, a="ours")
-    assert content(mine) == {"a": "ours"}
+    assert sorted(owned.files_of(mine)) == ["a", "deep/photo.jpg"]
 
 
 def test_what_is_replaced_and_what_stays(tmp_path):

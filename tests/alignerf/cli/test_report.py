@@ -2,7 +2,7 @@
 
 import pytest
 
-from alignerf.cli import folders, jobs
+from alignerf.cli import folders, report
 from alignerf.io import progress
 
 
@@ -33,17 +33,17 @@ from alignerf.io import progress
     ],
 )
 def test_a_job_has_its_methods_name(rule, wildcards, name):
-    alone = jobs.name_of(rule, wildcards | {"scene": "chair"}, ["chair"])
+    alone = report.name_of(rule, wildcards | {"scene": "chair"}, ["chair"])
     assert alone.startswith(name)
-    several = jobs.name_of(rule, wildcards | {"scene": "chair"}, ["chair", "fox"])
+    several = report.name_of(rule, wildcards | {"scene": "chair"}, ["chair", "fox"])
     assert several == f"chair: {alone}"
     # Windows are scenes of their own.
-    window = jobs.name_of(rule, wildcards | {"scene": "chair_crops"}, ["chair"])
+    window = report.name_of(rule, wildcards | {"scene": "chair_crops"}, ["chair"])
     assert window == f"chair_crops: {alone}"
 
 
 def test_names_are_of_rules_that_there_are():
-    assert set(jobs.NAMES) <= folders.taken_names()
+    assert set(report.NAMES) <= folders.taken_names()
 
 
 def test_what_progress_writes_is_read_again(capsys):
@@ -60,18 +60,18 @@ def test_what_progress_writes_is_read_again(capsys):
 
 def test_the_last_line_of_a_log_tells_how_far_a_job_is(tmp_path):
     log = tmp_path / "a.log"
-    assert jobs.last_shown([log]) is None
+    assert report.last_shown([log]) is None
     log.write_text("begun\nviews: view 1/9    eta 0:40\rviews: view 3/9    eta 1:40\n")
-    assert jobs.last_shown([log]) == ("view 3/9", 3 / 9, 100)
+    assert report.last_shown([log]) == ("view 3/9", 3 / 9, 100)
     with open(log, "a") as file:
         file.write("x" * 10_000 + "\nwritten\n")
-    assert jobs.last_shown([log]) is None
+    assert report.last_shown([log]) is None
     log.write_bytes(b"\xff\n" * 5000)
-    assert jobs.last_shown([log]) is None
+    assert report.last_shown([log]) is None
 
 
 def test_warnings_are_told_once_and_progress_is_not(tmp_path):
     log = tmp_path / "a.log"
     log.write_text("warning: a\nv: view 1/2    eta 0:01\nb\nwarning: a\n")
-    assert jobs.said([log]) == ["warning: a", "b", "warning: a"]
-    assert jobs.warnings([log, tmp_path / "none.log"]) == ["warning: a"]
+    assert report.said([log]) == ["warning: a", "b", "warning: a"]
+    assert report.warnings([log, tmp_path / "none.log"]) == ["warning: a"]
