@@ -10,6 +10,9 @@ from alignerf.captures import posed
 from alignerf.io import faults
 
 SPLITS = ("train", "test")
+ALONE = (
+    "To take the training photos alone, rename transforms_train.json to transforms.json"
+)
 
 
 class Blender(posed.Posed):
@@ -32,14 +35,20 @@ class Blender(posed.Posed):
         halves, names, left_out = [], [], []
         for split in SPLITS:
             path = Path(scene["path"]) / f"transforms_{split}.json"
-            views, missing = transforms.read(
-                path, scene["background"], split_by_lists=False
-            )
-            if missing and split == "test":
-                few = faults.some_names(missing)
-                raise ValueError(
-                    f"{path}: no image of {few}: the score would be another one"
+            try:
+                views, missing = transforms.read(
+                    path, scene["background"], split_by_lists=False
                 )
+                # A frame that was never rendered finds a training photo of its name.
+                taken = {photo.path for half in halves for photo in half.photos}
+                each = zip(views.names, views.photos, strict=True)
+                lost = [*missing, *(n for n, photo in each if photo.path in taken)]
+                if lost and split == "test":
+                    few, place = faults.some_names(lost), path.parent
+                    raise ValueError(f"{path}: no image in {place} of {few}")
+            except ValueError as error:
+                way = f". {ALONE}" if split == "test" else ""
+                raise ValueError(f"{error}{way}") from None
             prefixed = prefixed_by(split, [*views.names, *missing])
             left_out += prefixed[len(views.names) :]
             halves.append(views)

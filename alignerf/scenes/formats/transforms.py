@@ -12,7 +12,6 @@ already; nerfstudio's `applied_transform` is in them. The points of its `ply_fil
 are not read: found anew, points say how right the poses are.
 """
 
-import contextlib
 import functools
 import logging
 import math
@@ -202,11 +201,12 @@ def _frames_with_image(files, frames):
     if not kept:
         number = min_number(path.parent)
         if files.suffix or number in (None, 1):
-            where = f" in folders {files.suffix}" if files.suffix else ""
-            none = f"none of its {len(frames)} frames has an image{where}"
-            outside = any(map(files.is_outside, missing))
-            why = ", which lie outside of its folder: move them into it" * outside
-            raise ValueError(f"{path}: {none}: {faults.some_names(missing)}{why}")
+            where = f"folders {files.suffix} of " if files.suffix else ""
+            none = f"none of its {len(frames)} frames has an image in {where}"
+            none += f"{files.folder}: {faults.some_names(missing)}"
+            if place := files.elsewhere(missing):
+                none += f". Photos so called lie in {place}: move or link it into that"
+            raise ValueError(f"{path}: {none}")
         log.info("%s: photos from images_%d", path, number)
         return _frames_with_image(Images(path, number), frames)
     lost = [told(frame) for frame in kept.values() if is_lost(frame)]
@@ -420,12 +420,16 @@ class Images:
             for i, part in enumerate(parts)
         ]
 
-    def is_outside(self, file_path):
-        """Whether a path leads to a file that is not in the folder."""
-        place = os.path.join(self.folder, file_path.replace("\\", "/"))
-        with contextlib.suppress(OSError, ValueError):
-            return self.find(file_path) is None and os.path.isfile(place)
-        return False
+    def elsewhere(self, names):
+        """The folder beside this one, or named by a path, that has images so called."""
+        above = os.path.dirname(self.folder)
+        beside = [os.path.join(above, name) for name in sorted(self.listed(above))]
+        named = [os.path.dirname(os.path.join(self.folder, name)) for name in names]
+        for place in map(os.path.normpath, dict.fromkeys([*named, *beside])):
+            is_outside = os.path.relpath(place, self.folder).startswith(os.pardir)
+            if is_outside and photo_names.match(names, self.listed(place)):
+                return place
+        return None
 
     @staticmethod
     def names_in(folder):

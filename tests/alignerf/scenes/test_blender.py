@@ -2,13 +2,14 @@
 
 import json
 import math
+import shutil
 
 import numpy as np
 import pytest
 from PIL import Image
 
 from alignerf import export, poses
-from alignerf.captures import blender
+from alignerf.captures import base, blender
 from alignerf.experiment import check
 from alignerf.experiment.checks import scenes as of_scenes
 from alignerf.scenes import photos, prepared
@@ -184,8 +185,15 @@ def test_frames_without_a_photo_are_named(scene):
     assert left_out == ["train_r_1"]
     assert len(views.names) == 4
     (scene / "test" / "r_0.png").unlink()
-    with pytest.raises(ValueError, match=r"transforms_test.json: no image of r_0"):
+    with pytest.raises(ValueError, match=r"transforms_test.json: no image .* of r_0\."):
         read(scene, "white")
+    for path in ("test", "val"):
+        shutil.rmtree(scene / path)
+    # The training photo of that name is another one.
+    with pytest.raises(ValueError, match=r"test.json: no image .* of r_1, r_0.*rename"):
+        read(scene, "white")
+    (scene / "transforms_train.json").rename(scene / "transforms.json")
+    assert base.detected(scene).name == "transforms"
 
 
 def test_its_files_say_what_is_held_out():
