@@ -103,7 +103,8 @@ def count_of(scene):
     path = Path(scene["path"])
     if base.of(scene).poses[0] != BY_COLMAP or not path.is_dir():
         return None
-    taken = [p for p in path.iterdir() if of_photos.is_taken(p) and p.is_file()]
+    inside = photo_names.photos_of([p.name for p in path.iterdir() if p.is_file()])
+    taken = [path / name for name in inside if of_photos.is_taken(path / name)]
     stems = {p.stem for p in taken if p.suffix.lower() in photos.SUFFIXES}
     films = [p for p in taken if p.suffix.lower() in video.SUFFIXES]
     if any(film.stem not in stems for film in films):

@@ -24,6 +24,13 @@ OTHERS = re.compile(
     r"__MACOSX|@eaDir|masks?|sparse.*|thumb(nail)?s?|previews?|(.*[_-])?(depths?|normals?|confidence)([_-].*)?|images_\d+",
     re.IGNORECASE,
 )
+# What a file of a photo's name says that it is: no photo, where there is one, too.
+BESIDE = (
+    r"depths?|normals?|masks?|conf(?:idence)?|disparity|semantics?|labels?|instances?"
+    r"|thumb(?:nail)?s?"
+)
+PHOTO = "colou?r|rgb|image|img|frame|photo"
+SCALE = re.compile(r"\d+x")
 # More files are no folder of photos.
 MAX_FILES = 100_000
 # Of the photos that a file names, so many may have been sorted out.
@@ -131,22 +138,42 @@ def view_names(paths):
             depth[path] += 1
 
 
+def without_kind(stem, kinds):
+    """A file's stem without a word of `kinds` at its end, or before its number."""
+    return re.sub(
+        rf"^(?:{kinds})[._-]?(?=\d)|(?<=.)[._-](?:{kinds})$", "", stem, flags=re.I
+    )
+
+
+def photos_of(names):
+    """The files' names of a folder without depth maps, masks, ... of photos in it."""
+    stems = {name: os.path.splitext(name)[0] for name in names}
+    bare = {name: without_kind(stem, BESIDE) for name, stem in stems.items()}
+    plain = {name: without_kind(stem, PHOTO) for name, stem in bare.items()}
+    own = {name for name in names if bare[name] == stems[name]}
+    there = {plain[n] for n in own if os.path.splitext(n)[1].lower() in SUFFIXES}
+    return [n for n in names if n in own or plain[n] not in there]
+
+
 def listed(folder, suffixes=SUFFIXES):
     """Paths of the photos in a folder and below, relative to it, with slashes, sorted.
 
-    Left out are hidden files, and folders of what is beside photos (OTHERS). Raises
-    ValueError for more than MAX_FILES files.
+    Left out are hidden files, folders of what is beside photos (OTHERS), such files
+    (`photos_of`), and of Nerfies' 1x, 2x, ... all but the first. Raises ValueError for
+    more than MAX_FILES files.
     """
     found, seen = [], 0
     for root, inner, files in walk(folder):
         inner[:] = sorted(
             one for one in inner if one[0] != "." and not OTHERS.fullmatch(one)
         )
+        scaled = sorted(filter(SCALE.fullmatch, inner), key=natural)
+        inner[:] = [one for one in inner if one not in scaled[1:]]
         seen += len(files)
         if seen > MAX_FILES:
             raise ValueError(f"{folder}: over {MAX_FILES} files: not photos alone")
         inside = os.path.relpath(root, folder)
-        for name in files:
+        for name in photos_of(files):
             if name[0] != "." and os.path.splitext(name)[1].lower() in suffixes:
                 found.append(os.path.normpath(os.path.join(inside, name)))
     return sorted(path.replace(os.sep, "/") for path in found)

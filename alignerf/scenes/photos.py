@@ -12,7 +12,6 @@ all photos of a camera.
 
 import contextlib
 import logging
-import re
 from pathlib import Path
 from typing import NamedTuple
 
@@ -22,7 +21,7 @@ import pillow_heif
 from PIL import ExifTags, Image
 
 from alignerf.io import faults, images
-from alignerf.scenes import photo_names, prepared
+from alignerf.scenes import distortion, photo_names, prepared
 
 log = logging.getLogger(__name__)
 
@@ -31,9 +30,11 @@ SUFFIXES = photo_names.SUFFIXES
 FORMATS = ("JPEG", "PNG", "TIFF", "BMP", "WEBP", "HEIF")
 # Pillow refuses twice its warning's size, as does all that is read without Pillow.
 MAX_PIXELS = 2 * Image.MAX_IMAGE_PIXELS
-# A photo's depth and others, beside it.
-OF_PHOTO = re.compile(r"(.+)[_.-](?:depth|normals?|mask|confidence)", re.IGNORECASE)
 PNG = b"\x89PNG\r\n\x1a\n"
+# Google's name of a panorama, in the XMP that cameras write.
+EQUIRECTANGULAR, HEAD_BYTES = b"equirectangular", 2**16
+# So many photos are looked at.
+SOME = 5
 EXIF, TAG = ExifTags.IFD.Exif, ExifTags.Base
 # Two views fix no scale, and three are the least that anything can be trained on.
 LEAST = 3
@@ -82,8 +83,10 @@ def find_images(folder, others=()):
         raise ValueError(f"no folder of photos at {folder}")
     visible = [p for p in folder.iterdir() if not p.name.startswith(".")]
     paths = [p for p in visible if p.is_file() and p.suffix.lower() in SUFFIXES]
-    stems = {path.stem for path in paths}
-    paths = [path for path in paths if not is_of_photo(path.stem, stems)]
+    named = photo_names.photos_of([path.name for path in paths])
+    paths = [folder / name for name in named]
+    depths = {path for path in paths if _deep_png(path) == 0}
+    paths = [path for path in paths if path not in depths] or paths
     if not (paths or others):
         paths = [folder / path for path in photo_names.listed(folder)]
     elif unknown := {p.name for p in {*visible} - {*paths, *others}} - {"masks"}:
@@ -94,10 +97,39 @@ def find_images(folder, others=()):
     return by_view(paths, folder)
 
 
-def is_of_photo(stem, stems):
-    """Whether a file is called like the depth, normals or mask of another one."""
-    match = OF_PHOTO.fullmatch(stem)
-    return bool(match and match[1] in stems)
+def check_pinhole(paths, where):
+    """ValueError naming a photo where most of some are panoramas, whole turns."""
+    some = paths[:: max(len(paths) // SOME, 1)][:SOME]
+    found = [path for path in some if is_panorama(path)]
+    if 2 * len(found) > len(some):
+        raise ValueError(f"{where}: {found[0].name}: {distortion.PANORAMA}")
+
+
+def is_panorama(path):
+    """Whether a photo says so, or is 2:1 and its borders meet; not of a broken one."""
+    with contextlib.suppress(ValueError):
+        with faults.opened(path) as file:
+            if EQUIRECTANGULAR in file.read(HEAD_BYTES):
+                return True
+        width, height = head(path).size
+        return width == 2 * height and meets(as_stored(path, "black"))
+    return False
+
+
+def meets(image):
+    """Whether the left border of an image goes on at its right one.
+
+    They differ as columns side by side do, and less than what a column shows.
+    """
+    grey = image.mean(axis=-1)
+    left, right = grey[:, 0], grey[:, -1]
+
+    def apart(a, b):
+        return np.abs(a - b).mean()
+
+    beside = apart(left, grey[:, 1]) + apart(right, grey[:, -2])
+    seam = apart(left, right)
+    return seam < beside and 2 * seam < apart(left, np.roll(left, len(left) // 8))
 
 
 def by_view(paths, folder):
@@ -228,7 +260,7 @@ def _to_rgb(image, path, background):
             raise ValueError(f"{path}: grey values outside 16 bits")
         grey = ((deep + 128) // 257).astype(np.uint8)
         return np.repeat(grey[..., None], 3, axis=-1)
-    if _is_deep(path):
+    if _deep_png(path) in (2, 6):
         return _deep_rgb(path, background)
     if image.mode == "F":
         raise ValueError(f"{path}: floating-point images have no agreed brightness")
@@ -240,15 +272,16 @@ def _to_rgb(image, path, background):
     return np.asarray(image if image.mode == "RGB" else image.convert("RGB"))
 
 
-def _is_deep(path):
-    """Whether a file is a PNG of 16 bits and colours, whose lower 8 Pillow drops."""
+def _deep_png(path):
+    """The kind of colour of a PNG of 16 bits, 0 for grey; None of all others."""
     with faults.opened(path) as file:
         head = file.read(26)
-    return head[:8] == PNG and head[24] == 16 and head[25] in (2, 6)
+    is_deep = head[:8] == PNG and len(head) == 26 and head[24] == 16
+    return head[25] if is_deep else None
 
 
 def _deep_rgb(path, background):
-    """[h, w, 3] uint8 of such a PNG, its values rounded to 8 bits."""
+    """[h, w, 3] uint8 of one with colours, whose lower 8 bits Pillow drops; rounded."""
     deep = cv2.imdecode(np.fromfile(path, np.uint8), cv2.IMREAD_UNCHANGED)
     if deep is None or deep.dtype != np.uint16:
         raise ValueError(f"cannot decode {path}")

@@ -270,7 +270,9 @@ def find(folder, work_folder):
                     f"{one.name} have the same view name, {path.stem}"
                 )
             found[path.stem] = path
-    kept = held_out.without_copies([found[name] for name in sorted(found)], folder)
+    every = [found[name] for name in sorted(found)]
+    photos.check_pinhole(every, folder)
+    kept = held_out.without_copies(every, folder)
     names = {path: name for name, path in found.items()}
     return {names[path]: path for path in kept}
 

@@ -82,6 +82,29 @@ def test_views_are_called_by_folders_where_stems_collide():
     ]
 
 
+@pytest.mark.parametrize(
+    ("photo", "other"),
+    [
+        ("frame-{:06d}.color.png", "frame-{:06d}.depth.png"),
+        ("rgb_{}.png", "depth_{}.png"),
+        ("frame{:06d}.jpg", "depth{:06d}.png"),
+        ("IMG_{}.JPG", "IMG_{}_mask.png"),
+        ("{:04d}.jpg", "Confidence_{:04d}.png"),
+        ("{}_rgb.png", "{}_normals.png"),
+        ("a{}.jpg", "a{}.semantic.png"),
+    ],
+)
+def test_what_lies_beside_a_photo_of_its_name_is_none(photo, other, rng):
+    numbers = rng.choice(1000, 20, replace=False)
+    taken = [photo.format(number) for number in numbers]
+    names = taken + [other.format(number) for number in numbers]
+    rng.shuffle(names)
+    assert sorted(photo_names.photos_of(names)) == sorted(taken)
+    # Alone they are what the folder holds.
+    alone = [other.format(number) for number in numbers]
+    assert photo_names.photos_of([*alone, "1.json", "a2.txt"])[:20] == alone
+
+
 def test_all_photos_below_a_folder_are_listed_but_masks_and_depths(tmp_path):
     for path in ("a/1.JPG", "2.png", "masks/2.png", "depth/2.png", ".h/3.png", "t.txt"):
         (tmp_path / path).parent.mkdir(exist_ok=True)

@@ -240,6 +240,40 @@ def test_folders_and_dead_links_beside_photos_are_named(tmp_path, pixels, caplog
     assert "ignored 100APPLE, a_depth.png, b.png: not images" in caplog.text
 
 
+def test_grey_of_16_bits_is_depth_among_photos(tmp_path, pixels):
+    save(tmp_path / "a.jpg", pixels)
+    Image.fromarray(np.full((40, 50), 1000, np.uint16)).save(tmp_path / "b.png")
+    assert photos.find_images(tmp_path) == {"a": tmp_path / "a.jpg"}
+    (tmp_path / "a.jpg").unlink()
+    assert photos.find_images(tmp_path) == {"b": tmp_path / "b.png"}
+
+
+def textured(rng, height, width):
+    """Smooth noise [height, width, 3] whose left border goes on at its right one."""
+    small = rng.uniform(0, 255, (height // 8, width // 8, 3))
+    wide = np.concatenate([small] * 3, axis=1).astype(np.float32)
+    large = cv2.resize(wide, (3 * width, height), interpolation=cv2.INTER_CUBIC)
+    large += rng.normal(0, 3, large.shape)
+    return np.clip(large[:, width : 2 * width], 0, 255).astype(np.uint8)
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_panoramas_are_known_by_their_borders(tmp_path, seed):
+    rng = np.random.default_rng(seed)
+    paths = [tmp_path / f"{i}.jpg" for i in range(12)]
+    for path in paths:
+        save(path, textured(rng, 128, 256))
+    with pytest.raises(ValueError, match=r": 0\.jpg: EQUIRECTANGULAR.*cube faces"):
+        photos.check_pinhole(paths, tmp_path)
+    plain = np.full((128, 256, 3), 255, np.uint8)
+    cut = textured(rng, 160, 320)
+    plain[20:100, 40:200] = cut[20:100, 40:200]
+    for image in (cut[:128, 40:296], plain, cut[:100, :256]):
+        for path in paths:
+            save(path, image)
+        photos.check_pinhole(paths, tmp_path)
+
+
 @pytest.mark.parametrize("channels", [3, 4])
 def test_16_bits_a_colour_are_rounded_not_cut(tmp_path, rng, channels):
     deep = rng.integers(0, 65536, (40, 50, channels), dtype=np.uint16)
