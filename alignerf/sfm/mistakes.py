@@ -9,6 +9,7 @@ import numpy as np
 
 from alignerf.io import faults
 from alignerf.scenes import cameras, photo_names
+from alignerf.scenes.formats import shots
 from alignerf.sfm import calibration
 
 FLIP = cameras.OPENGL_FROM_OPENCV
@@ -157,10 +158,6 @@ TIMES, MIN_PX = 5.0, 3.0
 FOCAL_TIMES = 1.5
 # Of the photo's size, how far from its middle a principal point may be.
 MAX_OFF_CENTRE = 0.45
-# Numbers of a photo this many times as large are recognised.
-MULTIPLES = (2, 4, 8)
-# So near to half of such a photo lies its principal point.
-NEAR = 0.15
 
 
 def of_views(names, errors_px, camtoworlds):
@@ -198,14 +195,15 @@ def of_lenses(names, camtopix):
 
 
 def check_principal_points(camtopix, size, where):
-    """ValueError where no view's principal point lies within the photo."""
-    centres = camtopix[:, :2, 2] / np.array(size)
-    if not (np.abs(centres - 0.5) > MAX_OFF_CENTRE).any(axis=1).all():
+    """ValueError where all principal points are those of other photos, or of none."""
+    centres = camtopix[:, :2, 2]
+    times = {shots.times_of(centre, size) for centre in centres}
+    far = np.abs(centres / np.array(size) - 0.5) > MAX_OFF_CENTRE
+    if not far.any(axis=1).all() and (len(times) > 1 or times == {1}):
         return
-    middle = np.median(centres, axis=0)
-    times = [k for k in MULTIPLES if np.abs(middle / k - 0.5).max() < NEAR]
-    scale = f": the numbers are of a photo {times[0]} times as large" if times else ""
-    cx, cy = np.median(camtopix[:, :2, 2], axis=0)
+    cx, cy = middle = np.median(centres, axis=0)
+    times = shots.times_of(middle, size)
+    scale = f": the numbers are of a photo {times:g} times as large" * (times != 1)
     width, height = map(round, size)
     raise ValueError(
         f"{where}: the principal point ({cx:.0f}, {cy:.0f}) is far from the middle of "

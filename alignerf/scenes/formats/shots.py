@@ -21,7 +21,9 @@ LARGEST = 1e12
 LENGTH_ERROR = 1e-2
 # Numbers may be of photos so many times as large, whose middle lies as near to the
 # principal point, as a share.
-TIMES, NEAR_MIDDLE = (2, 4, 8), 0.15
+TIMES, NEAR_MIDDLE = (2, 4, 8, 1 / 2, 1 / 4, 1 / 8), 0.15
+# Of the frames of a film.
+MAX_FRAMES = 120
 
 
 class Shot(NamedTuple):
@@ -56,9 +58,9 @@ def views_of(
         shots = [shot._replace(mask=mask) for shot, mask in each]
     sizes = [photos.head(shot.photo).size for shot in shots]
     usual = prepare.usual_size(sizes)
-    shots = [shot._replace(size=own_size(shot, usual)) for shot in shots]
+    shots = of_own_size(shots, usual)
     across = [shot.size[0] / size[0] for shot, size in zip(shots, sizes, strict=True)]
-    if (times := float(np.median(across))) >= TIMES[0]:
+    if not 1 / TIMES[0] < (times := float(np.median(across))) < TIMES[0]:
         log.info("%s: cameras of photos %.3g times as large", where, times)
     if beside := [shot.name for shot in shots if is_beside(shot)]:
         log.warning(
@@ -154,14 +156,21 @@ def cropped(image, crop_px):
     return np.ascontiguousarray(image[crop_px:-crop_px, crop_px:-crop_px])
 
 
-def own_size(shot, usual):
-    """The (width, height) that a shot's intrinsics are of, whatever it says.
+def of_own_size(shots, usual):
+    """The shots with the (width, height) that their numbers are of, whatever they say.
 
-    usual: that of most photos, for a shot that does not say.
+    usual: that of most photos, for a shot that does not say. Smaller ones are those of
+    all shots or of none: a crop may have a principal point like theirs.
     """
-    size = shot.size or usual
-    times = times_of(shot.camtopix[:2, 2], size) if min(size) > 0 else 1
-    return times * size[0], times * size[1]
+    sizes = [shot.size or usual for shot in shots]
+    times = [
+        times_of(shot.camtopix[:2, 2], size) if min(size) > 0 else 1
+        for shot, size in zip(shots, sizes, strict=True)
+    ]
+    if len({*times}) > 1:
+        times = [max(one, 1) for one in times]
+    each = zip(shots, sizes, times, strict=True)
+    return [shot._replace(size=(n * size[0], n * size[1])) for shot, size, n in each]
 
 
 def photos_in(folder, pattern="*"):
@@ -171,6 +180,15 @@ def photos_in(folder, pattern="*"):
     if gone := sorted(path.name for path in named if not path.is_file()):
         log.warning("%s: ignored %s: no files", folder, faults.some_names(gone))
     return photos.by_view([p for p in named if p.is_file()], Path(folder))
+
+
+def evenly(frames, where):
+    """MAX_FRAMES of a film's frames at most, which is said."""
+    if len(frames) <= MAX_FRAMES:
+        return frames
+    log.info("%s: %d of %d frames, evenly", where, MAX_FRAMES, len(frames))
+    places = np.linspace(0, len(frames) - 1, MAX_FRAMES).round().astype(int)
+    return [frames[place] for place in places]
 
 
 def numbers(path, values, what, count):

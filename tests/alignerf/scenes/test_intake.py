@@ -371,11 +371,14 @@ def test_frames_whose_pose_is_null_are_dropped(tmp_path, caplog):
     check_seen(views, [2, 3, 4, 5])
 
 
-def test_photos_outside_of_the_folder_are_said_to_be(tmp_path):
+@pytest.mark.parametrize("name", ["../raw/{}.jpg", "{}.jpg"])
+def test_photos_outside_of_the_folder_are_said_to_be(tmp_path, name):
     write_photos(tmp_path / "raw")
-    write_transforms(tmp_path / "scan", "../raw/{}.jpg")
-    with pytest.raises(ValueError, match=r"which lie outside of its folder: move them"):
+    write_transforms(tmp_path / "scan", name)
+    with pytest.raises(ValueError, match=r"in (.*)/scan: .* so called lie in \1/raw: "):
         read(tmp_path / "scan")
+    (tmp_path / "scan/images").symlink_to(tmp_path / "raw")
+    check_seen(read(tmp_path / "scan")[1])
 
 
 def test_where_a_json_has_a_comma_too_many_is_said(tmp_path):
@@ -432,9 +435,9 @@ def test_thumbnails_are_no_photos(tmp_path):
     assert {one.path.parent.name for one in views.photos} == {"images"}
 
 
-@pytest.mark.parametrize("times", [2, 4, 8])
+@pytest.mark.parametrize("times", [2, 4, 8, 0.5, 0.25, 0.125])
 @pytest.mark.parametrize("size", ["theirs", "the photo's", "none"])
-def test_numbers_of_larger_photos_are_told(tmp_path, times, size, caplog):
+def test_numbers_of_photos_of_another_size_are_told(tmp_path, times, size, caplog):
     caplog.set_level("INFO")
     write_photos(tmp_path / "images")
     large = {key: times * value for key, value in LENS.items()}
@@ -445,6 +448,15 @@ def test_numbers_of_larger_photos_are_told(tmp_path, times, size, caplog):
     expected = [[70, 0, 31], [0, 70, 19], [0, 0, 1]]
     np.testing.assert_allclose(np.linalg.inv(views.pixtocams[0]), expected)
     assert f"cameras of photos {times} times as large" in caplog.text
+
+
+def test_a_crop_among_others_is_not_taken_for_numbers_of_a_smaller_photo(tmp_path):
+    write_photos(tmp_path / "images")
+    content = write_transforms(tmp_path)
+    content["frames"][0] |= {"cx": WIDTH / 4, "cy": HEIGHT / 4}
+    rewrite(tmp_path, content)
+    lens = np.linalg.inv(read(tmp_path)[1].pixtocams[0])
+    np.testing.assert_allclose(lens, [[70, 0, 15], [0, 70, 10], [0, 0, 1]], atol=1e-9)
 
 
 def test_cameras_of_photos_turned_upright_are_taken_where_exif_says_so(

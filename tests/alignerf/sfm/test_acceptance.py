@@ -69,10 +69,10 @@ def test_views_and_lenses_that_stand_out_are_named():
     assert set(mistakes.of_lenses(names, lenses)) == {"v2"}
 
 
-@pytest.mark.parametrize("times", [2, 4, 8])
-def test_numbers_of_a_larger_photo_are_named(times):
+@pytest.mark.parametrize("times", [2, 4, 8, 0.5, 0.25, 0.125])
+def test_numbers_of_a_photo_of_another_size_are_named(times):
     lenses = made.cameras(3).camtopix
-    size = made.WIDTH // times, made.HEIGHT // times
+    size = made.WIDTH / times, made.HEIGHT / times
     with pytest.raises(ValueError, match=f"photo {times} times as large"):
         mistakes.check_principal_points(lenses, size, "here")
     mistakes.check_principal_points(lenses, (made.WIDTH, made.HEIGHT), "here")
