@@ -6,7 +6,7 @@ from alignerf.captures import posed
 class Exported(posed.Posed):
     name = "exported"
     order = 8
-    what = "cameras of Metashape, openMVG, OpenSfM, Bundler or 3D Gaussian splatting"
+    what = "cameras of Metashape, openMVG, OpenSfM, Bundler, 3DGS, TUM or Nerfies"
 
     keys = ("masks",)
 

@@ -37,13 +37,14 @@ class Photos(base.Capture):
 
 
 def inner_of(folder):
-    """The folder with the photos, which programs call `images`, or a film; or None."""
+    """The folder with the photos, which programs call so, or a film; or None."""
     if not folder.is_dir():
         from alignerf.scenes.capture import video
 
         is_film = folder.is_file() and folder.suffix.lower() in video.SUFFIXES
         return folder if is_film else None
-    places = [place for place in (folder, folder / "images") if place.is_dir()]
+    places = (folder, folder / "images", folder / "rgb")
+    places = [place for place in places if place.is_dir()]
     for inner in places:
         if any(is_taken(path) for path in inner.iterdir()):
             return inner

@@ -7,7 +7,7 @@ upright where the phone was. `K` [9] stands column by column. Newer ones have
 as it focuses. Both are of photos of `w` x `h`. Axes and order as instant-ngp's
 scripts/record3d2nerf.py and nerfstudio's record3d_utils.py have them.
 
-It is a film of many frames: MAX_FRAMES are taken, evenly. Videos by the front camera
+It is a film of many frames: some are taken, evenly. Videos by the front camera
 have no poses.
 """
 
@@ -20,9 +20,7 @@ from alignerf.io import faults, json_files
 log = logging.getLogger(__name__)
 
 METADATA, PHOTOS = ("metadata.json", "metadata"), ("rgb", "rgbd")
-DEPTH = ("depth",)
-# As of a film.
-MAX_FRAMES = 120
+DEPTH = "depth"
 
 
 class Record3d(posed.App):
@@ -31,13 +29,14 @@ class Record3d(posed.App):
     what = "Record3D's EXR + JPG"
 
     def detect(self, folder):
-        # Other programs have a folder rgb, and metadata, too: two of three will do.
-        parts = [first_of(folder, names) for names in (METADATA, PHOTOS, DEPTH)]
-        return sum(part is not None for part in parts) >= 2
+        # Other programs have such folders and a file of this name, too.
+        path = first_of(folder, METADATA)
+        if first_of(folder, (*PHOTOS, DEPTH)) is None or not (path and path.is_file()):
+            return False
+        return b'"poses"' in faults.content(path, faults.MAX_BYTES)
 
     def check(self, folder):
         numbered_photos(folder)
-        metadata_of(folder)
 
     def photos_of(self, folder):
         return {name_of(number): path for number, path in chosen(folder).items()}
@@ -46,7 +45,7 @@ class Record3d(posed.App):
         from alignerf.scenes.formats import shots
 
         folder = scene["path"]
-        frames, path = chosen(folder), metadata_of(folder)
+        frames, path = chosen(folder), first_of(folder, METADATA)
         content = json_files.read(path, {"poses": list})
         poses, size = content["poses"], size_of(path, content)
         left_out = [name_of(number) for number in frames if number >= len(poses)]
@@ -75,17 +74,6 @@ def first_of(folder, names):
     return next((path for path in paths if path.exists()), None)
 
 
-def metadata_of(folder):
-    """The path of the metadata."""
-    path, photos = first_of(folder, METADATA), first_of(folder, PHOTOS)
-    if path is None:
-        raise ValueError(
-            f"{folder}: {photos.name}, but no metadata.json: it has Record3D's poses. "
-            f"COLMAP can take the photos alone: give {photos} as the folder"
-        )
-    return path
-
-
 def numbered_photos(folder):
     """{number of the frame: path} of all photos; ValueError where there are none."""
     inner = first_of(folder, PHOTOS)
@@ -107,16 +95,10 @@ def numbered_photos(folder):
 
 
 def chosen(folder):
-    """{number: path} of the frames that are taken, at most MAX_FRAMES, evenly."""
-    import numpy as np
+    """{number: path} of the frames that are taken, as of `shots.evenly`."""
+    from alignerf.scenes.formats import shots
 
-    found = numbered_photos(folder)
-    if len(found) <= MAX_FRAMES:
-        return found
-    log.info("%s: %d of %d frames, evenly", folder, MAX_FRAMES, len(found))
-    numbers = list(found)
-    places = np.linspace(0, len(found) - 1, MAX_FRAMES).round().astype(int)
-    return {numbers[place]: found[numbers[place]] for place in places.tolist()}
+    return dict(shots.evenly(list(numbered_photos(folder).items()), folder))
 
 
 def name_of(number):

@@ -145,7 +145,7 @@ def of_folder(path, then):
         )
     if found := base.detected(path):
         if found.poses == photos.Photos.poses:
-            if path.name.startswith("images"):
+            if path.name.startswith(("images", "rgb")):
                 tell_cameras_above(path)
             # Cameras may lie among the photos.
             inner = photos.inner_of(path)

@@ -1,5 +1,6 @@
 """Cameras as programs of photogrammetry export them, read into one table.
 
 A module reads one format. It has the program's `NAME`, `PATTERNS` of its files' names,
-a `MARK` that stands in such a file's head, and `read(path)`, a list of `base.given`.
+a `MARK`, an expression that fits such a file's head, and `read(path)`, a list of
+`base.given`.
 """

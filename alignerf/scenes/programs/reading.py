@@ -5,32 +5,32 @@ import re
 from pathlib import Path
 
 from alignerf.io import faults
-from alignerf.scenes import distortion, photo_names, photos
+from alignerf.scenes import photo_names, photos
 from alignerf.scenes.formats import shots
 from alignerf.scenes.programs import (
     base,
     bundler,
     gaussians,
     metashape,
+    nerfies,
     openmvg,
     opensfm,
+    tum,
 )
 
 log = logging.getLogger("alignerf")
 
-READERS = (metashape, openmvg, opensfm, bundler, gaussians)
+READERS = (metashape, openmvg, opensfm, bundler, gaussians, tum, nerfies)
 HEAD_BYTES = 2**16
 # Of other programs, by suffix or by what is in the name.
 OTHERS = re.compile(
     r".*\.(csv|nvm|p4[pd]|ps[xz]|rcproj|rsproj|rcinfo|sfm|abc|xml|kml|gpx|bag|out)"
     r"|sfm_data.*\.bin|geo\.txt"
-    r"|.*(camera|pose|trajectory|extrinsic|intrinsic|calib|arcore|arkit|odometry|gps"
+    r"|.*(camera|pose|traj|extrinsic|intrinsic|calib|arcore|arkit|odometry|gps"
     r"|gnss|imu|frames|reconstruction).*\.(txt|json|log|npy|npz|ya?ml|tum)",
     re.IGNORECASE,
 )
 WITHOUT = "Without this file COLMAP finds the cameras"
-# Google's name of it, in the XMP that cameras write.
-PANORAMA = b"equirectangular"
 # RealityCapture's own, of sidecars that others fill with colours.
 XMP, MAX_XMP_BYTES = b"xcr:", 2**24
 EXIF = {".jpg", ".jpeg", ".heic"}
@@ -44,7 +44,7 @@ def reader_of(path):
         return None
     with faults.opened(path) as file:
         head = file.read(HEAD_BYTES)
-    return next((one for one in named if one.MARK in head), None)
+    return next((one for one in named if re.search(one.MARK, head)), None)
 
 
 def find(folder):
@@ -78,7 +78,10 @@ def files_in(folder):
 
 
 def tell_unread(folder):
-    """Log what may tell cameras in a folder of photos and is not read."""
+    """Log what may tell cameras in a folder of photos and is not read.
+
+    Raises ValueError as of `photos.check_pinhole`.
+    """
     found = {path.name: path for path in files_in(folder)}
     names = [name for name in found if OTHERS.fullmatch(name)]
     sidecars = [name for name in found if name.lower().endswith(".xmp")]
@@ -88,11 +91,9 @@ def tell_unread(folder):
         verb = "is" if len(names) == 1 else "are"
         told = faults.some_names(names)
         log.warning("%s: %s %s not read: poses come from COLMAP", folder, told, verb)
+    inside = [folder / path for path in photo_names.listed(folder)]
+    photos.check_pinhole(inside, folder)
     taken = [path for path in found.values() if path.suffix.lower() in EXIF]
-    for path in taken[:1]:
-        with faults.opened(path) as file:
-            if PANORAMA in file.read(HEAD_BYTES):
-                log.warning("%s: %s: %s", folder, path.name, distortion.PANORAMA)
     if any(map(photos.has_place, taken[:1])):
         log.info("%s: places (GPS) are not read: poses come from COLMAP", folder)
 
@@ -138,8 +139,8 @@ def views_of(folder, masks=None):
     left_out = sorted(names[one] for one in {*listed} - {*found.values()})
     if left_out:
         log.warning("%s: no pose of %s", path, faults.some_names(left_out))
-    own = []
-    for name, place in sorted(found.items(), key=lambda pair: pair[1]):
+    own, taken = [], sorted(found.items(), key=lambda pair: pair[1])
+    for name, place in shots.evenly(taken, path) if reader_of(path) is tum else taken:
         photo = folder / place
         shot = given[name]._replace(name=names[place], photo=photo)
         own.append(base.sized(shot, photos.head(photo).size))

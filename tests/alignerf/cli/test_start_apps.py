@@ -12,7 +12,7 @@ def fill(folder, *names):
     for name in names:
         path = folder / name
         path.parent.mkdir(parents=True, exist_ok=True)
-        path.write_bytes(b"")
+        path.write_text('{"poses": []}' * name.startswith("metadata"))
     return folder
 
 
@@ -52,6 +52,7 @@ FILES = {
         ((*POLYCAM, "transforms.json"), "transforms"),
         # Others have such folders, too.
         (("a.jpg", "metadata.json"), "photos"),
+        (("a.jpg", "depth/1.png"), "photos"),
         (("a.jpg", "rgb/1.jpg"), "photos"),
         (("a.jpg", "cameras/b.json"), "photos"),
     ],
@@ -60,6 +61,14 @@ def test_names_tell_which_app_or_model_a_folder_is_of(tmp_path, names, source):
     folder = fill(tmp_path / "scan", *names)
     scene = {"source": source, "path": str(folder)}
     assert folders.scenes_of(folder) == {"scan": scene}
+
+
+def test_photos_in_rgb_are_one_scene_whatever_is_beside(tmp_path):
+    names = ("rgb/rgb_0.png", "depth/depth_0.png", "semantic/1.png", "traj_w_c.txt")
+    folder = fill(tmp_path / "office", *names)
+    (folder / "metadata.json").write_text('{"warp": 0}')
+    scene = {"source": "photos", "path": str(folder / "rgb")}
+    assert folders.scenes_of(folder) == {"office": scene}
 
 
 @pytest.mark.parametrize(
@@ -71,10 +80,6 @@ def test_names_tell_which_app_or_model_a_folder_is_of(tmp_path, names, source):
         (("frame_00000.json", "info.json"), r"no frame_\*\.jpg: export.*All Data"),
         (("frame_00000.json", "frame_1.jpg"), "no photo has a frame_"),
         (("metadata.json", "depth/0.exr"), r"no rgb/<n>\.jpg"),
-        (
-            ("rgb/0.jpg", "depth/0.exr"),
-            r"rgb, but no metadata\.json.*rgb as the folder",
-        ),
         (("metadata.json", "rgb/a.txt"), r"no <n>\.jpg"),
         (("images/a.jpg", "sparse/images.txt"), r"without cameras\.txt.*images as the"),
     ],

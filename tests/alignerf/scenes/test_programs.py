@@ -1,10 +1,13 @@
 """Cameras as other programs write them: known points fall where the formats say."""
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 
 from alignerf.captures import base as captures
 from alignerf.scenes import distortion
+from alignerf.scenes.external import lenses
 from alignerf.scenes.programs import base, metashape, reading
 from tests import app_cases
 
@@ -335,11 +338,99 @@ def test_places_in_photos_are_told(scene, caplog):
     assert "places (GPS) are not read" in caplog.text
 
 
-def test_panoramas_alone_are_told(scene, caplog):
-    path = scene[0] / "images" / NAMES[0]
-    path.write_bytes(path.read_bytes() + b"<x GPano:ProjectionType='equirectangular'/>")
-    captures.detected(scene[0]).scene(scene[0])
-    assert "IMG 1.JPG: EQUIRECTANGULAR panoramas are no pinhole's" in caplog.text
+def test_panoramas_are_refused_before_colmap_runs(scene):
+    for i, name in enumerate(NAMES):
+        captures.detected(scene[0]).scene(scene[0])
+        path = scene[0] / "images" / name
+        path.write_bytes(path.read_bytes() + b"<x Type='equirectangular'/>" * (i != 1))
+    with pytest.raises(ValueError, match=r"IMG 1.JPG: EQUIRECT.*cube faces"):
+        captures.detected(scene[0]).scene(scene[0])
+
+
+def trajectory(folder, poses, rng, *, table, lens):
+    """TUM's files; photos are called by their times, or named in rgb.txt."""
+    rows, listed = ["# timestamp tx ty tz qx qy qz qw"], ["# timestamp filename"]
+    for i, (name, pose) in enumerate(poses.items()):
+        time = 1305031102.175304 + i / 30
+        late = time + rng.uniform(-0.015, 0.015)
+        turn = app_cases.quaternion(pose[:, :3])
+        numbers = (late, *pose[:, 3], *map(float, turn))
+        rows.append(" ".join(f"{number:.9f}" for number in numbers))
+        rows.append(" ".join(f"{n:.9f}" for n in (late + 0.1, 9, 9, 9, 0, 0, 0, 1)))
+        photo = f"rgb/{name if table else f'{time:.6f}.png'}"
+        app_cases.write_photo(folder / photo, size=SIZE)
+        app_cases.write_photo(folder / f"depth/{time:.6f}.png", size=SIZE)
+        listed.append(f"{time:.6f} {photo}")
+    path = folder / "groundtruth.txt"
+    path.write_text("\n".join(rows))
+    if table:
+        (folder / "rgb.txt").write_text("\n".join(listed))
+    cx, cy = np.array(SIZE) / 2 + CENTRE_PX
+    values = [FOCAL_PX, FOCAL_PX, cx, cy, *K[:2], *P, K[2]][:lens]
+    (folder / "calibration.txt").write_text(" ".join(map(str, values)))
+    return path
+
+
+@pytest.mark.parametrize("table", [False, True])
+@pytest.mark.parametrize("lens", [4, 9])
+def test_tum(tmp_path, rng, table, lens):
+    poses = dict(zip(NAMES[1:], app_cases.camtoworlds(rng, 3), strict=True))
+    path = trajectory(tmp_path, poses, rng, table=table, lens=lens)
+    given = reading.read(path)
+    own = dict(zip([Path(one.name).name for one in given], poses.values(), strict=True))
+    check(path, own, brown if lens > 4 else lambda x, y: (x, y), names=[*own])
+    assert captures.detected(tmp_path).name == "exported"
+    assert len(reading.views_of(tmp_path)[0].names) == len(poses)
+    assert len(lenses.read(path, SIZE).lenses) == len(poses)
+    (tmp_path / "calibration.txt").unlink()
+    with pytest.raises(ValueError, match=r"truth\.txt: .*calibration\.txt with `fx fy"):
+        reading.views_of(tmp_path)
+
+
+def test_a_pose_of_another_time_is_none(tmp_path, rng):
+    poses = dict(zip(NAMES[1:], app_cases.camtoworlds(rng, 3), strict=True))
+    path = trajectory(tmp_path, poses, rng, table=True, lens=4)
+    rows = path.read_text().splitlines()
+    path.write_text("\n".join(rows[3:]))
+    assert len(reading.read(path)) == 2
+    path.write_text("\n".join(rows[2::2]))
+    with pytest.raises(ValueError, match=r"no pose within 0\.02 s"):
+        reading.read(path)
+
+
+def nerfies(folder, poses):
+    for name, pose in poses.items():
+        content = {
+            "orientation": pose[:, :3].T.tolist(),
+            "position": pose[:, 3].tolist(),
+            "focal_length": FOCAL_PX,
+            "pixel_aspect_ratio": 1.0,
+            "skew": 0.0,
+            "principal_point": (np.array(SIZE) / 2 + CENTRE_PX).tolist(),
+            "radial_distortion": K,
+            "tangential_distortion": P,
+            "image_size": SIZE,
+        }
+        app_cases.write_json(folder / f"camera/{Path(name).stem}.json", content)
+        for times in (1, 2):
+            size = WIDTH // times, HEIGHT // times
+            app_cases.write_photo(folder / f"rgb/{times}x/{name}", size=size)
+    app_cases.write_json(folder / "metadata.json", {"000000": {"warp_id": 0}})
+    path = folder / "dataset.json"
+    app_cases.write_json(path, {"ids": [Path(name).stem for name in poses]})
+    return path
+
+
+def test_nerfies(tmp_path, rng):
+    names = [f"{i:06d}.png" for i in range(3)]
+    poses = dict(zip(names, app_cases.camtoworlds(rng, 3), strict=True))
+    check(nerfies(tmp_path, poses), poses, brown, names=names)
+    assert captures.detected(tmp_path).name == "exported"
+    views, left_out = reading.views_of(tmp_path)
+    assert (len(views.names), left_out) == (3, [])
+    app_cases.write_json(tmp_path / "camera/000001.json", {"position": [0, 0, 0]})
+    with pytest.raises(ValueError, match=r"camera/000001\.json: .*no focal_length"):
+        reading.read(tmp_path / "dataset.json")
 
 
 def test_a_folder_of_scenes_is_none_itself(tmp_path, scene):

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from alignerf import poses
-from alignerf.captures import base, polycam, record3d
+from alignerf.captures import base, polycam
 from alignerf.scenes import cameras, colmap, prepared
 from alignerf.scenes.formats import shots
 from tests import app_cases as cases
@@ -134,7 +134,7 @@ def test_an_unpacked_r3d_is_read_too(tmp_path, given):
 def test_of_a_long_film_some_frames_are_taken_by_their_number(
     tmp_path, rng, monkeypatch
 ):
-    monkeypatch.setattr(record3d, "MAX_FRAMES", 4)
+    monkeypatch.setattr(shots, "MAX_FRAMES", 4)
     given = cases.camtoworlds(rng, 13)
     views, _ = read("record3d", cases.record3d(tmp_path, given))
     # Not 0, 10, 11, 12, ...: names of files are no order.
