@@ -42,7 +42,12 @@ class Blender(posed.Posed):
                 # A frame that was never rendered finds a training photo of its name.
                 taken = {photo.path for half in halves for photo in half.photos}
                 each = zip(views.names, views.photos, strict=True)
-                lost = [*missing, *(n for n, photo in each if photo.path in taken)]
+                others = (
+                    name
+                    for name, photo in each
+                    if photo.path in taken and photo.path.parent.name != split
+                )
+                lost = [*missing, *others]
                 if lost and split == "test":
                     few, place = faults.some_names(lost), path.parent
                     raise ValueError(f"{path}: no image in {place} of {few}")

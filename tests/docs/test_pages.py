@@ -2,7 +2,6 @@
 
 import re
 import shutil
-import subprocess
 
 import pytest
 import yaml
@@ -236,21 +235,6 @@ def test_modules_to_run_exist(root, pages):
         path = root.joinpath(*module.split("."))
         found = path.with_suffix(".py").is_file() or (path / "__main__.py").is_file()
         assert found, module
-
-
-def test_make_clean_leaves_what_is_tracked(root, tmp_path):
-    shutil.copy(root / "Makefile", tmp_path)
-    kept = {"results/README.md", "results/published/means.csv", "results/my.csv"}
-    kept |= {"results/mine/photo.png", "results/mine.yaml"}
-    made = {"results/tradeoff.csv", "results/tradeoff.provenance.json"}
-    made |= {"results/courtyard/a.png", "results/courtyard/.why-blurry"}
-    made |= {"results/.jax_cache/b"}
-    for name in kept | made | {".snakemake/log"}:
-        (tmp_path / name).parent.mkdir(parents=True, exist_ok=True)
-        (tmp_path / name).touch()
-    subprocess.run(["make", "clean"], cwd=tmp_path, check=True, capture_output=True)
-    left = {str(p.relative_to(tmp_path)) for p in tmp_path.rglob("*") if p.is_file()}
-    assert left == kept | {"Makefile"}
 
 
 def anchors(text):

@@ -75,6 +75,7 @@ def test_all_of_ours_goes_and_all_of_a_user_s_stays(here, seed):
     mine = {f"{rng.choice(folders)}/{name}" for name in rng.permutation(THEIRS)[:6]}
     mine |= {"results/own/deep/verdict.json", "site/IMG_1.JPG", ".snakemake/mine.txt"}
     mine |= {"results/prices.csv", "results/prices.provenance.json", "results/b.yaml"}
+    mine |= {"results/README.md", "results/published/tables.csv"}
     mine = {path for path in mine if not path.endswith("yard/tables/views.csv")}
     for path in mine:
         write(path, "mine")
