@@ -20,7 +20,7 @@
 # make bench                measure speed and memory, into results/bench/
 # make flow_benchmark       measure how accurate and how fast optical flow is
 # make peers PEERS=folder   compare with the code that the papers' authors released
-# make torture              try to break it for an hour: bad files, kills, full disks
+# make torture              try to break it for 20 minutes: bad files, kills, disks
 # make docs                 rebuild the tables and figures of docs/ from docs/measured/
 # make site                 build docs/ as a website, in site/
 # make lock                 pin the versions of all packages again (needs uv)

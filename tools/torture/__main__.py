@@ -2,13 +2,15 @@
 
 Parts: inputs (a finished chain's files, folders of photos, configs and jobs), folders
 (grown from the seed), names, arguments, environments, numbers, kills, machines (disks,
-signals, memory), company, matching. Writes report.csv and findings.txt; exits
-with 1 where anything was found. It ends within an hour on two cores: each part tries
+signals, memory), surfaces (splats, the Python API, YAML, plug-ins, downloads, what is
+removed). Writes report.csv, a row a kind with counts by outcome, and findings.txt; exits
+with 1 where anything was found. It ends within 20 minutes on two cores: each part tries
 its cases in an order by the seed until its share of the minutes is used.
 """
 
 import argparse
 import os
+import re
 import sys
 import time
 import traceback
@@ -19,6 +21,13 @@ import pandas as pd
 from alignerf.io import atomic, owned, provenance
 from tools.torture import chains, clock, parts
 
+# What a finding is, by its words; the first that fits, worst first.
+OUTCOMES = {
+    "destroyed": r"\bchanged\b|is gone|removed",
+    "silently_wrong": r"accepted|taken|\bleft\b|\bput\b|differs|in the page",
+    "heavy": r"\d s\b|MiB",
+    "traceback": "",
+}
 REPORT = ("report.csv", "report.provenance.json", "findings.txt")
 
 
@@ -47,15 +56,25 @@ def attack(reference, args, limit, shares):
         started = time.monotonic()
         for row in rows_of(name, reference, args, limit):
             took = round((time.monotonic() - started) / 60, 1)
-            count = "" if row.found is None else len(row.found)
-            rows.append([name, row.what, row.cases, row.of, count, took])
+            rows.append([name, row.what, row.cases, row.of, *counted(row.found), took])
             said += [f"{name}, {row.what}: {line}" for line in row.found or ()]
             tried = f"{row.cases:,} of {row.of:,} cases"
-            print(f"{name}, {row.what}: {tried}, {count} findings", flush=True)
+            print(f"{name}, {row.what}: {tried}, {rows[-1][4]} findings", flush=True)
             # What ends the torture leaves the report of what was tried.
             write(rows, said, args.out)
     print(f"{len(said)} findings: {args.out / 'findings.txt'}")
     return int(bool(said))
+
+
+def counted(found):
+    """How many findings, and of each of OUTCOMES; '' where nothing was tried."""
+    if found is None:
+        return [""] * (1 + len(OUTCOMES))
+    of_kind = [
+        next(kind for kind, words in OUTCOMES.items() if re.search(words, line))
+        for line in found
+    ]
+    return [len(found), *map(of_kind.count, OUTCOMES)]
 
 
 def rows_of(name, reference, args, limit):
@@ -73,7 +92,7 @@ def parse(argv=None):
     parser = argparse.ArgumentParser(prog="tools.torture", description=__doc__)
     parser.add_argument("--only", nargs="*", choices=parts.PARTS, help="these parts")
     parser.add_argument(
-        "--minutes", type=float, default=55, help="of the whole; 0: try everything"
+        "--minutes", type=float, default=20, help="of the whole; 0: try everything"
     )
     today = int(time.strftime("%Y%m%d"))
     parser.add_argument(
@@ -118,7 +137,7 @@ def reference_of(folder):
 
 def write(rows, said, out):
     """The table, and all findings in words."""
-    columns = ["part", "what", "cases", "of", "findings", "minutes"]
+    columns = ["part", "what", "cases", "of", "findings", *OUTCOMES, "minutes"]
     pd.DataFrame(rows, columns=columns).to_csv(out / "report.csv", index=False)
     text = "".join(f"{line}\n" for line in said)
     (out / "findings.txt").write_text(text, errors="backslashreplace")

@@ -1,4 +1,4 @@
-"""What a machine does to a run: full disks, folders one may not write, company.
+"""What a machine does to a run: full disks, folders one may not write.
 
 Each function returns what it found wrong, None where this machine lets it not be tried.
 """
@@ -93,30 +93,6 @@ def unwritable(reference, folder):
     ended = running.run(command, chain.folder, environment)
     fault = running.fault_of(ended, ["results"])
     return [f"{fault}: {ended.output[-200:]}"] if fault else []
-
-
-def side_by_side(reference, folder):
-    """Two chains at once with one cache of compiled programs: both as they should be.
-
-    And two in one folder: the second is refused.
-    """
-    shared = {"JAX_COMPILATION_CACHE_DIR": str(folder / "cache")}
-    pair = [chains.make(reference.root, folder / f"beside{i}") for i in range(2)]
-    start = {"environment": shared}
-    children = [chain.start(*chains.SHORT, **start) for chain in pair]
-    time.sleep(15)
-    third = pair[0].start(*chains.SHORT, **start)
-    found = []
-    if third.wait() == 0 or children[0].poll() is not None:
-        found.append("a second run in one folder is not refused")
-    codes = [child.wait() for child in children]
-    if any(codes):
-        return [*found, f"exit {codes}"]
-    return found + [
-        f"differs: {name}"
-        for chain in pair
-        for name in chains.differences(reference, chain, short=True)
-    ]
 
 
 def memory_growth(reference, folder):

@@ -31,11 +31,11 @@ from tools.torture import (
     grown,
     interrupts,
     machines,
-    matching,
     names,
     numbers,
     pool,
     stages,
+    surfaces,
     trees,
 )
 
@@ -277,6 +277,13 @@ def of_trees(reference, args, clock):
     yield attacked("trees of folders", attack, cases, args, clock, workers=1)
 
 
+def of_surfaces(reference, args, clock):
+    """What has come since, each by the generator that its tests have."""
+    for number, (what, (cases, attack)) in enumerate(surfaces.EVERY.items()):
+        among = len(surfaces.EVERY) - number
+        yield attacked(what, attack, cases, args, clock, among=among, workers=1)
+
+
 def of_kills(reference, args, clock):
     """Chains side by side, then the two kinds of trainings, each for half the time."""
     folder, rngs = args.work / "kills", np.random.default_rng(args.seed).spawn(4)
@@ -323,23 +330,12 @@ def of_machines(reference, args, clock):
         yield Row(what, cases if said is not None else 0, cases, said)
 
 
-def whole(part, *things):
-    """A part that takes both cores and cannot be cut: (what, cases, function)s."""
-
-    def rows(reference, args, clock):
-        has_room = clock.has_room(SHARES[part])
-        for what, cases, function in things:
-            found = function(reference, args.work / "machine") if has_room else []
-            yield Row(what, cases if has_room else 0, cases, found)
-
-    return rows
-
-
 PARTS = {
     "numbers": of_numbers,
     "configs": of_configs,
     "names": of_names,
     "trees": of_trees,
+    "surfaces": of_surfaces,
     "captures": of_captures,
     "folders": of_folders,
     "arguments": of_arguments,
@@ -347,28 +343,21 @@ PARTS = {
     "stages": of_stages,
     "kills": of_kills,
     "machines": of_machines,
-    "company": whole("company", ("two chains, one cache", 3, machines.side_by_side)),
-    "matching": whole(
-        "matching",
-        ("pairs of photos", matching.PAIRS, matching.beside_others),
-        ("databases looked at", matching.LOOKED_RUNS, matching.looked_at),
-    ),
 }
-# Minutes of each of 55, on two cores. The last three take what they take, and come
-# last: what others leave goes to nobody. `stages` and `kills` start most processes and
-# find what nothing else does; what runs in this process tries a thousand a minute.
+# Minutes of each of 20, on two cores. `stages` and `kills` start most processes; what
+# runs in this process tries a thousand a minute. `machines` takes what it takes, and
+# comes last.
 SHARES = {
-    "numbers": 2,
-    "configs": 2,
-    "names": 1,
-    "trees": 1,
-    "captures": 5,
-    "folders": 5,
-    "arguments": 5,
-    "environments": 4,
-    "stages": 8,
-    "kills": 12,
-    "machines": 5,
-    "company": 3,
-    "matching": 2,
+    "numbers": 0.5,
+    "configs": 0.5,
+    "names": 0.25,
+    "trees": 0.5,
+    "surfaces": 2.25,
+    "captures": 1.5,
+    "folders": 1.5,
+    "arguments": 1.5,
+    "environments": 0.5,
+    "stages": 2,
+    "kills": 6,
+    "machines": 3,
 }
