@@ -24,7 +24,15 @@ import numpy as np
 import pandas as pd
 
 from alignerf.experiment import layout
-from alignerf.io import csv_files, faults, images, json_files, machine, provenance
+from alignerf.io import (
+    atomic,
+    csv_files,
+    faults,
+    images,
+    json_files,
+    machine,
+    provenance,
+)
 from alignerf.scenes import photos
 from alignerf.scenes.external import views
 
@@ -107,7 +115,8 @@ def diagnose(
             if not isinstance(given[key], Files):
                 check_sequence(given[key], name)
         held_out = indices(held_out)
-    with tempfile.TemporaryDirectory(prefix="why-blurry-") as folder:
+    place = tempfile.TemporaryDirectory(prefix="why-blurry-")
+    with place as folder, atomic.naming(folder):
         work = Path(folder)
         if isinstance(images, Files):
             paths = of_files(given, held_out)

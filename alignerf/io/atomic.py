@@ -9,6 +9,7 @@ import errno
 import functools
 import os
 import platform
+import re
 import shutil
 import tempfile
 from pathlib import Path
@@ -17,6 +18,8 @@ from alignerf.io import owned
 
 # Errors of writing that do not say which file.
 NO_ROOM = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EIO)
+# NumPy's text of a short write; it passes on no reason.
+SHORT = re.compile(r"\d+ requested and \d+ written")
 
 
 @contextlib.contextmanager
@@ -128,6 +131,8 @@ def naming(path):
     try:
         yield
     except OSError as error:
+        if SHORT.fullmatch(str(error)):
+            error.errno, error.strerror = errno.ENOSPC, os.strerror(errno.ENOSPC)
         if error.errno in NO_ROOM and error.filename is None:
             error.filename = str(path)
         raise

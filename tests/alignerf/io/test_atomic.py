@@ -2,10 +2,12 @@
 
 import errno
 import os
+import resource
 import signal
 import subprocess
 import sys
 
+import numpy as np
 import pytest
 
 from alignerf.io import atomic, owned
@@ -91,6 +93,22 @@ def test_a_full_disk_says_what_was_being_written(tmp_path, how):
         how(tmp_path / "a.npz"),
     ):
         raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+    assert os.listdir(tmp_path) == []
+
+
+@pytest.mark.parametrize("how", [atomic.replace_file, atomic.replace_folder])
+def test_arrays_that_no_disk_holds_say_what_was_being_written(tmp_path, how):
+    """NumPy tells how many numbers were written, and neither why nor where."""
+    limit = resource.getrlimit(resource.RLIMIT_FSIZE)
+    try:
+        resource.setrlimit(resource.RLIMIT_FSIZE, (20_000, limit[1]))
+        with (
+            pytest.raises(OSError, match=r"No space left on device: .*a\.npy"),
+            how(tmp_path / "a.npy") as path,
+        ):
+            np.save(path / "a.npy" if path.is_dir() else path, np.zeros(6912))
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, limit)
     assert os.listdir(tmp_path) == []
 
 
