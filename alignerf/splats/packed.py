@@ -10,7 +10,8 @@ import numpy as np
 
 from alignerf.splats import plain, rows
 
-ELEMENTS = ("chunk", "vertex", "sh")
+# The type of all properties that are read, by element.
+ELEMENTS = {"chunk": "float", "vertex": "uint", "sh": "uchar"}
 CHUNK = 256
 WORDS = ("packed_position", "packed_rotation", "packed_scale", "packed_color")
 BOUNDS = {
@@ -25,26 +26,36 @@ SH_C0 = 0.28209479177387814
 def is_packed(header):
     """Whether a file is of this kind."""
     vertex = header.elements.get("vertex")
-    return bool(vertex and vertex.dtype) and WORDS[0] in (vertex.dtype.names or ())
+    return bool(vertex) and not {*WORDS}.isdisjoint(vertex.dtype.names)
 
 
 def coefficients(header):
     """Spherical harmonics of a channel; ValueError where the parts do not fit."""
-    vertex, chunk = header.elements["vertex"], header.elements.get("chunk")
-    there = set(chunk.dtype.names or ()) if chunk and chunk.dtype else set()
-    wanted = {f"{end}_{n}" for end in ("min", "max") for n in "xyz"}
-    wanted |= {f"{end}_scale_{n}" for end in ("min", "max") for n in "xyz"}
-    if header.encoding == "ascii" or set(WORDS) - set(vertex.dtype.names):
-        raise ValueError("a compressed splat without all of its packed numbers")
-    if wanted - there:
-        raise ValueError("a compressed splat without its chunks")
-    if chunk.count != -(-vertex.count // CHUNK):
-        raise ValueError(f"{chunk.count:,} chunks of {vertex.count:,} Gaussians")
-    if (sh := header.elements.get("sh")) is None:
-        return 1
-    if sh.dtype is None or sh.count != vertex.count or len(sh.dtype) % 3:
+    names = {name: one.dtype.names for name, one in header.elements.items()}
+    if header.encoding == "ascii" or "chunk" not in names:
+        raise ValueError("a compressed splat as text, or without its chunks")
+    wanted = {"vertex": WORDS, "chunk": [], "sh": []}
+    for parts in BOUNDS.values():
+        own = [f"{end}_{part}" for end in ("min", "max") for part in parts]
+        if parts != BOUNDS["colour"] or not {*own}.isdisjoint(names["chunk"]):
+            wanted["chunk"] += own
+    each = -(-len(names.get("sh", ())) // 3)
+    wanted["sh"] = [f"f_rest_{i}" for i in range(3 * each)]
+    for element, properties in wanted.items():
+        for one in properties:
+            if one not in names[element]:
+                raise ValueError(f"a compressed splat whose {element} has no {one}")
+            found = header.elements[element].dtype[one].str[1:]
+            if found != rows.TYPES[kind := ELEMENTS[element]]:
+                raise ValueError(f"a compressed splat whose {one} is no {kind}")
+    counts = {name: one.count for name, one in header.elements.items()}
+    if counts["chunk"] != -(-counts["vertex"] // CHUNK):
+        raise ValueError(
+            f"{counts['chunk']:,} chunks of {counts['vertex']:,} Gaussians"
+        )
+    if counts.get("sh", counts["vertex"]) != counts["vertex"]:
         raise ValueError("spherical harmonics that do not fit its Gaussians")
-    return 1 + len(sh.dtype) // 3
+    return 1 + each
 
 
 def blocks(file, header):

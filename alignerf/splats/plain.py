@@ -22,7 +22,7 @@ PROPERTIES = {
 def coefficients(header):
     """Spherical harmonics of a channel; ValueError where a file holds no splat."""
     vertex = header.elements.get("vertex")
-    there = set(vertex.dtype.names or ()) if vertex and vertex.dtype else set()
+    there = set(vertex.dtype.names if vertex else ())
     wanted = {name for names in PROPERTIES.values() for name in names}
     if (missing := wanted - there) == {"scale_2"}:
         raise ValueError("flat Gaussians of 2DGS, which are rendered otherwise")

@@ -23,11 +23,11 @@ LEAST_TEXT_BYTES = 2
 
 
 class Element(NamedTuple):
-    """name, count: of rows. dtype: of a row, None for one with lists."""
+    """name, count: of rows. dtype: of a row, a list in it as an object."""
 
     name: str
     count: int
-    dtype: np.dtype | None
+    dtype: np.dtype
 
 
 class Header(NamedTuple):
@@ -58,8 +58,8 @@ def read_header(file) -> Header:
                 order = ORDERS[encoding := kind]
             case ["element", name, count] if is_count(count) and name not in counts:
                 counts[name], fields[name] = int(count), []
-            case ["property", "list", _, _, _] if fields:
-                fields[name].append(None)
+            case ["property", "list", _, _, field] if fields:
+                fields[name].append((field, "O"))
             case ["property", kind, field] if kind in TYPES and fields and encoding:
                 fields[name].append((field, order + TYPES[kind]))
             case ["comment" | "obj_info", *_]:
@@ -71,8 +71,7 @@ def read_header(file) -> Header:
     if encoding is None:
         raise ValueError("its header names no format")
     elements = {
-        name: Element(name, counts[name], None if None in own else np.dtype(own))
-        for name, own in fields.items()
+        name: Element(name, counts[name], np.dtype(own)) for name, own in fields.items()
     }
     return Header(encoding, elements, tuple(comments), file.tell())
 
@@ -89,7 +88,7 @@ def check_sizes(header, names, file_bytes):
     """
     need = header.begins
     for element in before(header, names):
-        if element.dtype is None:
+        if element.dtype.hasobject:
             raise ValueError(f"lists of {element.name!a} lie before its Gaussians")
         row_bytes = element.dtype.itemsize
         if header.encoding == "ascii":

@@ -5,7 +5,7 @@ import types
 import numpy as np
 import pytest
 
-from alignerf.splats import ply
+from alignerf.splats import ply, rows
 from tests.splat_cases import COUNT, NAMES, columns, write, write_packed
 
 
@@ -134,6 +134,33 @@ def test_packed_numbers_are_unpacked(rng, tmp_path, degree, has_colours):
     path.write_bytes(content.replace(b"element chunk 36", b"element chunk 35"))
     with pytest.raises(ValueError, match="35 chunks of 9,000 Gaussians"):
         ply.read(path)
+
+
+def test_packed_numbers_of_another_type_are_one_line(rng, tmp_path):
+    """Each property as each other type, as a list, missing, twice."""
+    wanted = types.SimpleNamespace(
+        means=rng.normal(size=(COUNT, 3)),
+        scales=rng.uniform(1, 2, (COUNT, 3)),
+        quaternions=ply.normalized(rng.normal(size=(COUNT, 4))),
+        opacities=rng.uniform(0, 1, COUNT),
+        sh=rng.uniform(-1, 1, (COUNT, 4, 3)),
+    )
+    path = write_packed(tmp_path / "a.ply", wanted)
+    head, end, numbers = path.read_bytes().partition(b"end_header\n")
+    lines = head.decode().splitlines()
+    for i, line in enumerate(lines):
+        if not line.startswith("property"):
+            continue
+        _, kind, name = line.split()
+        others = {k for k in rows.TYPES if rows.TYPES[k] != rows.TYPES[kind]}
+        changed = {f"property {one} {name}" for one in {*others, "list uchar float"}}
+        for new in [*changed, "", f"property {kind} other", f"{line}\n{line}"]:
+            told = "\n".join([*lines[:i], new, *lines[i + 1 :], ""])
+            # None is refused because numbers are missing.
+            path.write_bytes(told.encode() + end + numbers + bytes(8 * COUNT))
+            with pytest.raises(ValueError, match=name) as fault:
+                ply.read(path)
+            assert str(fault.value).startswith(f"{path}: ")
 
 
 def without(name):
