@@ -115,9 +115,7 @@ def diagnose(
             if not isinstance(given[key], Files):
                 check_sequence(given[key], name)
         held_out = indices(held_out)
-    place = tempfile.TemporaryDirectory(prefix="why-blurry-")
-    with place as folder, atomic.naming(folder):
-        work = Path(folder)
+    with atomic.scratch_folder(tempfile.gettempdir(), name="why-blurry") as work:
         if isinstance(images, Files):
             paths = of_files(given, held_out)
         else:

@@ -145,7 +145,7 @@ def render_splat(name, path, args):
     results.check_reads({key: str(real(one)) for key, one in given.items()}, written)
     owned.check(Path("results", name))
     configs.check_there(path, {"scenes": {name: scene_of(args)}}, "judge")
-    if splat.is_of(place, files):
+    if splat.is_of(place, files, args.background):
         print("renders of the splat are there already")
         return
     if (Path("results", name) / "verdict.json").is_file():
@@ -160,7 +160,7 @@ def render_splat(name, path, args):
         SPLATS.mkdir(parents=True, exist_ok=True)
         atomic.sweep(SPLATS)
         with light.interruptible():
-            told = splat.render(own, found, cameras, place, files)
+            told = splat.render(own, found, cameras, place, files, args.background)
     finally:
         results.remove_empty(SPLATS)
     print("{gaussians:,} Gaussians rendered, their world {world}".format(**told))
@@ -222,7 +222,9 @@ def is_same(name, args):
         own = {key: real(one) for key, one in wanted.items() if one}
         if own != {key: real(one) for key, one in told.items()}:
             return False
-        if args.splat and not splat.is_of(SPLATS / name, splat_files(args)):
+        if args.splat and not splat.is_of(
+            SPLATS / name, splat_files(args), args.background
+        ):
             return False
         return not originals.changed(Path("results", name))
     except ValueError:

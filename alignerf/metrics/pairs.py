@@ -94,16 +94,18 @@ class Checked(NamedTuple):
         return len(self.faults) > MAX_BAD * self.count
 
 
-def look(photo, render, counts, *, whole) -> Seen:
+def look(photo, render, counts, *, whole, own=False) -> Seen:
     """A pair; whole: emptiness is looked for outside of `counts`, too.
 
     So it is of renders without alpha: what is black in these up to their border does
-    not count, and may be half of the picture.
+    not count, and may be half of the picture. own: the render was made here, of a
+    splat, and is no copy however good it is.
     """
     render_there = np.where(counts[..., None], render, photo)
-    return Seen(
-        thumb(photo), thumb(render_there), fault_of(photo, render, counts, whole)
-    )
+    fault = fault_of(photo, render, counts, whole)
+    if own and fault == "copy":
+        fault = None
+    return Seen(thumb(photo), thumb(render_there), fault)
 
 
 def fault_of(photo, render, counts, whole):
@@ -267,15 +269,19 @@ def swapped(names, photos, renders, undone):
 def turned(one: Seen):
     """How a render is turned or mirrored against its photo, in words; None."""
     own, best, how = (one.photo * one.render).sum(), TURNED, None
-    for times in range(4):
-        for mirrored in (False, True):
-            other = np.rot90(one.photo[:, ::-1] if mirrored else one.photo, times)
-            if (alike := (other * one.render).sum()) > best:
-                words = ["mirrored"] * mirrored + [f"by {90 * times} degrees"] * (
-                    times > 0
-                )
-                best, how = alike, ", ".join(words)
+    for words, other in turnings(one.photo):
+        if (alike := (other * one.render).sum()) > best:
+            best, how = alike, words
     return how if 1 - best < LESS * (1 - own) else None
+
+
+def turnings(picture):
+    """(how in words, the picture) turned by right angles and mirrored, in all ways."""
+    for times, mirrored in itertools.product(range(4), (False, True)):
+        words = ["mirrored"] * mirrored + [f"by {90 * times} degrees"] * (times > 0)
+        if words:
+            other = np.rot90(picture[:, ::-1] if mirrored else picture, times)
+            yield ", ".join(words), other
 
 
 def strange(names, photos, renders, undone, main):

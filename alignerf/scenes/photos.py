@@ -161,16 +161,19 @@ def check_enough(count, where):
         raise ValueError(f"{where}: {what} too few: take 20 or more that overlap")
 
 
-def decode(path, background=None, *, upright=True):
+def decode(path, background=None, *, upright=True, least_px=None):
     """One image [h, w, 3] uint8, and its focal length from EXIF in px or NaN.
 
     background: a key of BACKGROUNDS, for transparent pixels. upright: apply EXIF's
     orientation, as a photo is meant to be seen; without, rows are as stored, as cameras
-    given by others mean them. Raises ValueError naming the file for what cannot be
-    decoded whole or cannot be an 8-bit RGB photo without inventing something.
+    given by others mean them. least_px: a JPEG may come smaller, which is faster, but
+    no side below that. Raises ValueError naming the file for what cannot be decoded
+    whole or cannot be an 8-bit RGB photo without inventing something.
     """
     with images.opened(path, FORMATS) as opened:
         turned_by = _turned_by(opened)
+        if least_px:
+            opened.draft(None, (least_px, least_px))
         opened.load()
         exif = _exif(opened)
         focal_35mm_mm = exif.get(TAG.FocalLengthIn35mmFilm)

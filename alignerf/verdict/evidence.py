@@ -124,7 +124,8 @@ def read(scene, base, *, overfit=None, crops=(None, None), before=None):
     rays_seen = json_files.read(base / "timing.json", TIMING)["rays_seen"]
     told = poses.get("external_renders")
     # Another program's black borders may be all of what a photo shows.
-    look = partial(pairs.look, whole=bool(told and not told.get("transparent")))
+    whole = bool(told and not told.get("transparent"))
+    look = partial(pairs.look, whole=whole, own=bool(told and told.get("of_splat")))
     found = read_views(loaded, base, look)
     rows = [one.row for one in found]
     looked = {one.row.view: one.pair for one in found}

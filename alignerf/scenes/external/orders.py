@@ -11,9 +11,7 @@ import functools
 
 import cv2
 import numpy as np
-from PIL import ImageOps
 
-from alignerf.io import images
 from alignerf.metrics import pairs as of_pairs
 from alignerf.scenes import photo_names
 from alignerf.scenes import photos as of_photos
@@ -113,13 +111,9 @@ def which_half(of_views, photos):
 def thumb(path, part=None, upright=False):
     """A small picture of a file, as of `metrics.pairs`; None of one that is broken."""
     try:
-        with images.opened(path, of_photos.FORMATS) as image:
-            if is_jpeg := image.format == "JPEG":
-                image.draft("RGB", (DECODED_PX,) * 2)
-                turned = ImageOps.exif_transpose(image) if upright else image
-                pixels = np.asarray(turned.convert("RGB"))
-        if not is_jpeg:
-            pixels = of_photos.decode(path, "black", upright=upright)[0]
+        pixels = of_photos.decode(path, "black", upright=upright, least_px=DECODED_PX)[
+            0
+        ]
     except ValueError:
         return None
     return of_pairs.thumb(half(pixels, part))

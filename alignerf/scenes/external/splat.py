@@ -21,17 +21,15 @@ import numpy as np
 
 from alignerf.io import atomic, faults, images, json_files, owned, progress
 from alignerf.scenes import distortion, originals, photo_names, photos, prepare
-from alignerf.scenes.external import lenses
+from alignerf.scenes.external import lenses, likeness
 from alignerf.splats import ply, rasterize
 
 log = logging.getLogger("alignerf")
 
 # Renders are at most so wide or high, as trainers make larger photos smaller.
 LONGEST_PX = 1600
-# The pictures and views by which worlds are compared, and the correlation of grey that
-# those of the right one have at least: splats of a tenth of the usual steps and of
-# poses off by 5 px have 0.9; of another world 0.3 at most.
-SMALL_PX, VIEWS, SHOWS = 160, 4, 0.6
+# The views by which worlds are compared.
+VIEWS = 4
 # What a .ply may leave open: 3DGS renders what is 0.2 away and more, others from 0.01
 # on. A better fit to the photos by so many dB decides against the first.
 NEARS, CLEARLY_DB = ((rasterize.NEAR, rasterize.MAX_ALPHA), (0.01, 0.999)), 0.02
@@ -41,44 +39,45 @@ NERFSTUDIO, ABOVE = "dataparser_transforms.json", 4
 TOLD = "splat.json"
 # Fewer cameras do not fix a similarity.
 MIN_CAMERAS = 3
+AS_TRAINED = "give photos, cameras and splat as they were in its training"
 OPENCV = np.diag([1.0, -1.0, -1.0])
 
 
-def render(path, photo_paths, cameras: lenses.Cameras, folder, files=()):
+def render(
+    path, photo_paths, cameras: lenses.Cameras, folder, files=(), background=None
+):
     """Write renders and depth of all photos with a camera; returns what is told of it.
 
     photo_paths: {view: path}. files: all that these renders are made from, for `is_of`.
     folder: gets rgb/<view>.png and depth/<view>.npy, in the unit of the cameras.
+    background: as of `photos.decode`; renders without one are before black.
     Raises ValueError in one line for a file that is no splat, or one that does not show
     the photos from these cameras.
     """
     gaussians = ply.read(path)
     views = {n: one for n, one in photo_paths.items() if n in cameras.lenses}
     seen = of_one_shape(
-        [View(n, p, cameras.lenses[n]) for n, p in sorted(views.items())]
+        [View(n, p, cameras.lenses[n], background) for n, p in sorted(views.items())]
     )
     few = seen[:: max(len(seen) // VIEWS, 1)][:VIEWS]
     name, world, shows = world_of(path, gaussians, few, cameras)
-    if shows < SHOWS:
-        raise ValueError(
-            f"{path}: from these cameras it does not show the photos (correlation "
-            f"{shows:.2f}, {SHOWS} is asked): give the cameras of its own training, or "
-            f"nerfstudio's {NERFSTUDIO} beside it"
-        )
+    check_shown(path, gaussians, few, seen, world, shows)
     longest_px = min(LONGEST_PX, trained_px(path))
     options = options_of(gaussians, few, world, longest_px)
     size = few[0].size(longest_px)
     log.info("%s: %d Gaussians, %dx%d px", path, len(gaussians.means), *size)
-    log.info("its world: %s (correlation with the photos %.2f)", name, shows)
+    log.info("its world: %s (likeness to the photos %.2f)", name, shows)
     with atomic.replace_folder(folder) as fresh:
         for inner in ("rgb", "depth"):
             (fresh / inner).mkdir()
         for one in progress.over(seen, "renders of the splat", total=len(seen)):
             made = one.render(gaussians, world, longest_px, **options)
-            images.write(fresh / "rgb" / f"{one.name}.png", to_bytes(made.colour))
+            image = likeness.to_bytes(made.colour)
+            images.write(fresh / "rgb" / f"{one.name}.png", image)
             depth = np.where(made.alpha > 0.5, made.depth, np.inf) / scale_of(world)
             np.save(fresh / "depth" / f"{one.name}.npy", depth.astype(np.float32))
-        told = {"gaussians": len(gaussians.means), "world": name, "correlation": shows}
+        told = {"gaussians": len(gaussians.means), "world": name, "likeness": shows}
+        told["background"] = background
         there = filter(os.path.isfile, files)
         told["files"] = {originals.named(p): originals.described(p) for p in there}
         (fresh / TOLD).write_text(json.dumps(told, indent=1) + "\n")
@@ -86,17 +85,17 @@ def render(path, photo_paths, cameras: lenses.Cameras, folder, files=()):
     return told
 
 
-def is_of(folder, files):
-    """Whether a folder's renders are of files as they are now."""
+def is_of(folder, files, background=None):
+    """Whether a folder's renders are of files as they are now, before a background."""
     try:
-        told = json_files.read(Path(folder, TOLD), {"files": dict})["files"]
+        whole = json_files.read(Path(folder, TOLD), {"files": dict})
     except (OSError, ValueError):
         return False
+    told = whole["files"]
     names = {originals.named(path) for path in files if os.path.isfile(path)}
-    whole = all(isinstance(one, list) and len(one) == 3 for one in told.values())
     return (
-        names == told.keys()
-        and whole
+        (names, background) == (told.keys(), whole.get("background"))
+        and all(isinstance(one, list) and len(one) == 3 for one in told.values())
         and not any(originals.is_other(path, before) for path, before in told.items())
     )
 
@@ -116,8 +115,9 @@ def of_one_shape(seen):
 class View:
     """A photo and its lens, as a pinhole camera of the splat's world renders it."""
 
-    def __init__(self, name, path, lens: lenses.Lens):
+    def __init__(self, name, path, lens: lenses.Lens, background=None):
         self.name, self.path, self.lens = name, path, lens
+        self.background = background
         head = photos.head(path)
         # Of a photo whose rows are stored on its side, cameras may be of the other.
         turned = lens.size and lens.size[::-1]
@@ -144,12 +144,15 @@ class View:
         camera = rasterize.Camera(
             world_to_camera(self.lens.pose, world), fx, fy, cx, cy, width, height
         )
-        return rasterize.render(gaussians, camera, **options)
+        behind = photos.BACKGROUNDS.get(self.background, 0) / 255
+        return rasterize.render(gaussians, camera, background=(behind,) * 3, **options)
 
     def photo(self, longest_px):
         """The photo as a pinhole camera of the same focal length takes it."""
         size = self.size(longest_px)
-        image = photos.decode(self.path, "black", upright=self.upright)[0]
+        image = photos.decode(
+            self.path, self.background, upright=self.upright, least_px=min(size)
+        )[0]
         image = cv2.resize(image, size, interpolation=cv2.INTER_AREA)
         across = np.diag([*np.array(size) / self.photo_size, 1.0])
         camtopix = across @ self.camtopix
@@ -170,32 +173,63 @@ def scale_of(world):
 
 
 def world_of(path, gaussians, few, cameras):
-    """(name, world, correlation) of the world in which a splat shows the photos best.
+    """(name, world, likeness) of the world in which a splat shows the photos best.
 
     Turns by right angles, as viewers make them, are tried where no known world does.
+    Raises ValueError where it shows them mirrored.
     """
     known = dict(known_worlds(path, cameras))
-    best = max(scored(gaussians, few, known.items()), key=lambda one: one[2])
-    if best[2] < SHOWS:
-        turned = (
-            (f"{name}, its axes turned", turn @ world)
+    first = best = max(scored(gaussians, few, known.items()), key=lambda one: one[2])
+    for hand in (1, -1):
+        if best[2] >= likeness.SHOWS:
+            return best
+        tried = (
+            (f"{name}, {words}", turn @ world)
+            for words, turn in right_angles(hand)
             for name, world in known.items()
-            for turn in right_angles()
         )
-        best = max([best, *scored(gaussians, few, turned)], key=lambda one: one[2])
-    return best
+        best = max(scored(gaussians, few, tried), key=lambda one: one[2])
+    if best[2] >= likeness.SHOWS:
+        raise ValueError(
+            f"{path}: it or the photos are mirrored ({best[0]}): {AS_TRAINED}"
+        )
+    return first
+
+
+def check_shown(path, gaussians, few, seen, world, shows):
+    """ValueError where a splat does not show the photos of its cameras, or others.
+
+    few: the views that are looked at, seen: all that have a photo.
+    """
+    size, found = likeness.SMALL_PX, {}
+    small = {
+        one.name: one.photo(size)
+        for one in progress.over(seen, "photos", total=len(seen))
+    }
+    for one in few:
+        made = one.render(gaussians, world, size)
+        if what := likeness.instead(made, one.name, small):
+            found[one.name] = what
+    # Few that are swapped are left out by the verdict.
+    if 2 * len(found) > len(few):
+        view, what = next(iter(found.items()))
+        raise ValueError(
+            f"{path}: from the camera of {view} it shows {what}: {AS_TRAINED}"
+        )
+    if shows < likeness.SHOWS:
+        raise ValueError(
+            f"{path}: from these cameras it does not show the photos (likeness "
+            f"{shows:.2f}, {likeness.SHOWS} is asked): give the cameras of its own "
+            f"training, or nerfstudio's {NERFSTUDIO} beside it"
+        )
 
 
 def scored(gaussians, few, worlds):
-    """(name, world, correlation of renders and photos) of each world."""
-    greys = [grey(one.photo(SMALL_PX)) for one in few]
+    """(name, world, likeness of renders to photos) of each world."""
+    small = [one.photo(likeness.SMALL_PX) for one in few]
     for name, world in worlds:
-        found = [
-            correlation(
-                grey(to_bytes(one.render(gaussians, world, SMALL_PX).colour)), g
-            )
-            for one, g in zip(few, greys, strict=True)
-        ]
+        made = [one.render(gaussians, world, likeness.SMALL_PX) for one in few]
+        found = [likeness.of(m, [p])[0] for m, p in zip(made, small, strict=True)]
         yield name, world, float(np.mean(found))
 
 
@@ -271,14 +305,17 @@ def similarity(own, theirs):
     return world
 
 
-def right_angles():
-    """The 24 turns [4, 4] that put axes on axes."""
+def right_angles(hand):
+    """(words, turn [4, 4]) of the 24 that put axes on axes; of hand -1 they mirror."""
     for order in itertools.permutations(range(3)):
         for signs in itertools.product((1.0, -1.0), repeat=3):
             turn = np.eye(4)
             turn[:3, :3] = np.diag(signs)[:, order]
-            if np.linalg.det(turn) > 0:
-                yield turn
+            words = "its axes turned" + " and mirrored" * (hand < 0)
+            if order == (0, 1, 2) and sum(signs) == 1:
+                words = f"mirrored in {'xyz'[np.argmin(signs)]}"
+            if np.linalg.det(turn) * hand > 0:
+                yield words, turn
 
 
 def options_of(gaussians, few, world, longest_px):
@@ -297,25 +334,9 @@ def options_of(gaussians, few, world, longest_px):
         errors = []
         for view, photo in pairs:
             made = view.render(gaussians, world, longest_px, **options)
-            errors.append(np.mean((to_bytes(made.colour) - photo) ** 2))
+            errors.append(np.mean((likeness.to_bytes(made.colour) - photo) ** 2))
         return 10 * math.log10(max(np.mean(errors), 1e-9))
 
     errors = [error_db(one) for one in tried]
     best = int(np.argmin(errors))
     return tried[best if errors[best] < errors[0] - CLEARLY_DB else 0]
-
-
-def to_bytes(colour):
-    return np.round(np.clip(colour, 0, 1) * 255).astype(np.uint8)
-
-
-def grey(image):
-    """A small picture in grey, blurred by a pixel."""
-    return cv2.GaussianBlur(image.astype(np.float32).mean(axis=-1), (0, 0), 1.0)
-
-
-def correlation(one, other):
-    """Of two pictures; 0 where one of them is of one colour."""
-    one, other = one - one.mean(), other - other.mean()
-    size = math.sqrt((one**2).sum() * (other**2).sum())
-    return float((one * other).sum() / size) if size > 0 else 0.0

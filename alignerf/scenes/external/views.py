@@ -18,6 +18,7 @@ from alignerf.captures import base
 from alignerf.io import faults, images, json_files
 from alignerf.scenes import loading, photo_names, photos, prepare, prepared
 from alignerf.scenes.external import depths, geometry, layouts, lenses, orders, renders
+from alignerf.scenes.external import splat as splats
 from alignerf.scenes.formats import colmap_models
 
 log = logging.getLogger("alignerf")
@@ -286,6 +287,7 @@ def load(config, scratch):
     told |= {"background": config["background"]}
     renders_of = [pair.render.path for pair in judged.pairs]
     told["transparent"] = any(map(photos.may_be_transparent, renders_of))
+    told["of_splat"] = Path(keys["renders"]).with_name(splats.TOLD).is_file()
     told |= of_depth(config, judged, views, shown)
     beside = scratch / prepared.BESIDE
     beside.mkdir()

@@ -85,6 +85,13 @@ def test_nonsense_is_named_and_stops_the_verdict(name):
     assert report.advise(e, findings) == pairs.ADVICE[kind]
 
 
+def test_a_splat_rendered_here_is_no_copy_however_good_it_is():
+    everywhere = np.ones(PHOTOS[0].shape[:2], bool)
+    for own, fault in ((True, None), (False, "copy")):
+        one = pairs.look(PHOTOS[0], PHOTOS[0], everywhere, whole=True, own=own)
+        assert one.fault == fault
+
+
 def test_copies_of_photos_that_were_resampled(rng):
     """A lens was undone by a program, and again by us; soft renders are none."""
     copies, photos = [], []

@@ -214,6 +214,23 @@ def test_a_tiff_that_pillow_turns_is_not_turned_again(tmp_path, pixels, orientat
     np.testing.assert_array_equal(image, photos.UPRIGHT[orientation](pixels))
 
 
+@pytest.mark.parametrize("orientation", [1, 6])
+@pytest.mark.parametrize("least_px", [40, 90, 130, 700])
+def test_a_jpeg_is_decoded_smaller_but_not_below_a_size(
+    tmp_path, rng, orientation, least_px
+):
+    noise = cv2.GaussianBlur(rng.normal(size=(600, 840, 3)), (0, 0), 25)
+    image = Image.fromarray(np.uint8((128 + 40 * noise / noise.std()).clip(0, 255)))
+    exif = Image.Exif()
+    exif[0x0112] = orientation
+    image.save(tmp_path / "a.jpg", exif=exif, quality=95)
+    whole = photos.upright(tmp_path / "a.jpg")
+    small = photos.decode(tmp_path / "a.jpg", least_px=least_px)[0]
+    assert min(600, least_px) <= min(small.shape[:2]) < max(2 * least_px, 160)
+    wanted = cv2.resize(whole, small.shape[1::-1], interpolation=cv2.INTER_AREA)
+    assert np.abs(small.astype(int) - wanted).max() < 12
+
+
 def test_undoing_an_orientation_gives_the_rows_back(pixels):
     for number, upright in photos.UPRIGHT.items():
         undo = photos.UPRIGHT[photos.UNDONE_BY[number]]

@@ -6,7 +6,8 @@ import cv2
 import numpy as np
 import pytest
 
-from alignerf.scenes.external import lenses, splat
+from alignerf.scenes import photos as decode
+from alignerf.scenes.external import lenses, likeness, splat
 from alignerf.splats import ply, rasterize
 from tests import splat_cases
 from tests.judged_cases import write_png
@@ -58,7 +59,7 @@ def project(tmp_path):
         camera = rasterize.Camera(
             splat.world_to_camera(lens.pose, np.eye(4)), 90, 91, 47, 37, *SIZE
         )
-        image = splat.to_bytes(rasterize.render(ply.read(path), camera).colour)
+        image = likeness.to_bytes(rasterize.render(ply.read(path), camera).colour)
         write_png(tmp_path / "photos" / f"{name}.png", image)
     photos = {name: tmp_path / "photos" / f"{name}.png" for name in NAMES}
     return write, photos, tmp_path
@@ -148,9 +149,89 @@ def test_the_cameras_of_its_training_tell_its_world(project):
 def test_cameras_of_another_scene_are_refused_in_one_line(project):
     write, photos, folder = project
     path, cameras = write(similarity(turn=TURN, shift=(40, 0, 0)))
-    with pytest.raises(ValueError, match=r"does not show the photos \(correlation"):
+    with pytest.raises(ValueError, match=r"does not show the photos \(likeness"):
         splat.render(path, photos, cameras, folder / "made")
     assert not (folder / "made").exists()
+
+
+@pytest.mark.parametrize("axis", range(3))
+def test_a_mirrored_splat_is_refused(project, axis):
+    """Its outline on black is nearly the same."""
+    write, photos, folder = project
+    world = similarity()
+    world[axis, axis] = -1
+    path, cameras = write(world)
+    said = rf"are mirrored \(as the cameras', mirrored in {'xyz'[axis]}\)"
+    with pytest.raises(ValueError, match=said):
+        splat.render(path, photos, cameras, folder / "made")
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_another_splat_in_the_same_outline_is_refused(project, seed):
+    write, photos, folder = project
+    path, cameras = write(similarity())
+    rng = np.random.default_rng(100 + seed)
+    splat_cases.write(path, columns(rng, np.eye(4)))
+    with pytest.raises(ValueError, match="does not show the photos"):
+        splat.render(path, photos, cameras, folder / "made")
+
+
+@pytest.mark.parametrize(
+    ("change", "says"),
+    [
+        (lambda images: images[-1:] + images[:-1], "the camera of v00 it shows v01:"),
+        (lambda images: [i[:, ::-1] for i in images], "mirrored"),
+        (lambda images: [i[::-1] for i in images], "mirrored"),
+    ],
+)
+def test_photos_of_other_names_or_mirrored_are_named(project, change, says):
+    write, photos, folder = project
+    path, cameras = write(similarity())
+    images = [cv2.imread(str(photos[name]))[..., ::-1] for name in NAMES]
+    for name, image in zip(NAMES, change(images), strict=True):
+        write_png(photos[name], image)
+    with pytest.raises(ValueError, match=says):
+        splat.render(path, photos, cameras, folder / "made")
+
+
+@pytest.mark.parametrize("off_px", [0, 3])
+@pytest.mark.parametrize(("gain", "gamma"), [(0.4, 1), (1, 0.5), (1, 2), (2, 1)])
+@pytest.mark.parametrize("sigma_px", [0.5, 1.5])
+def test_soft_splats_of_wrong_poses_and_exposures_are_taken(
+    project, off_px, gain, gamma, sigma_px
+):
+    write, photos, folder = project
+    path, cameras = write(similarity())
+    for path_of in photos.values():
+        photo = np.roll(cv2.imread(str(path_of)), off_px, axis=(0, 1)) / 255
+        photo = cv2.GaussianBlur(photo, (0, 0), sigma_px) ** gamma * gain
+        write_png(path_of, likeness.to_bytes(photo[..., ::-1]))
+    assert splat.render(path, photos, cameras, folder / "made")["likeness"] > 0.5
+
+
+def test_a_splat_of_cut_outs_is_rendered_before_their_background(project):
+    """NeRF's synthetic scenes are trained before white."""
+    write, photos, folder = project
+    path, cameras = write(similarity())
+    for name, lens in cameras.lenses.items():
+        view = splat.View(name, photos[name], lens)
+        made = view.render(ply.read(path), np.eye(4), SIZE[0])
+        straight = made.colour / np.maximum(made.alpha, 1e-6)[..., None]
+        cut_out = np.concatenate([straight, made.alpha[..., None]], axis=-1)
+        write_png(photos[name], likeness.to_bytes(cut_out))
+    with pytest.raises(ValueError, match=r"v00\.png has transparent pixels"):
+        splat.render(path, photos, cameras, folder / "made")
+    for background in ("white", "black"):
+        place = folder / background
+        told = splat.render(path, photos, cameras, place, [path], background)
+        assert told["likeness"] > 0.95
+        assert splat.is_of(place, [path], background)
+        assert not splat.is_of(place, [path])
+        for name, photo in photos.items():
+            render = cv2.imread(str(place / "rgb" / f"{name}.png"))[..., ::-1]
+            wanted = decode.as_stored(photo, background).astype(int)
+            # Straight colours over 1 are cut.
+            assert np.abs(render - wanted).mean() < 0.5
 
 
 def test_a_similarity_that_is_none_is_named(project):
