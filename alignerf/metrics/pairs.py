@@ -103,9 +103,8 @@ def look(photo, render, counts, *, whole, own=False) -> Seen:
     """
     render_there = np.where(counts[..., None], render, photo)
     fault = fault_of(photo, render, counts, whole)
-    if own and fault == "copy":
-        fault = None
-    return Seen(thumb(photo), thumb(render_there), fault)
+    no_fault = own and fault == "copy"
+    return Seen(thumb(photo), thumb(render_there), None if no_fault else fault)
 
 
 def fault_of(photo, render, counts, whole):
