@@ -3,7 +3,7 @@
 Parts: inputs (a finished chain's files, folders of photos, configs and jobs), folders
 (grown from the seed), names, arguments, environments, numbers, kills, machines (disks,
 signals, memory), surfaces (splats, the Python API, YAML, plug-ins, downloads, what is
-removed). Writes report.csv, a row a kind with counts by outcome, and findings.txt; exits
+removed). Writes report.csv, with counts by outcome, and findings.txt; exits
 with 1 where anything was found. It ends within 20 minutes on two cores: each part tries
 its cases in an order by the seed until its share of the minutes is used.
 """
