@@ -94,4 +94,14 @@ def opened(url, done):
     request = urllib.request.Request(url)
     if done:
         request.add_header("Range", f"bytes={done}-")
-    return urllib.request.urlopen(request, timeout=TIMEOUT_S)
+    return urllib.request.build_opener(Redirect).open(request, timeout=TIMEOUT_S)
+
+
+class Redirect(urllib.request.HTTPRedirectHandler):
+    """Goes on to another address, but never from HTTPS to what anybody can change."""
+
+    def redirect_request(self, req, fp, code, msg, headers, newurl):
+        kind, _, _ = newurl.partition(":")
+        if kind.lower() != req.type:
+            raise urllib.error.URLError(f"redirected to {faults.shown(newurl, 200)}")
+        return super().redirect_request(req, fp, code, msg, headers, newurl)

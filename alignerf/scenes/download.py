@@ -5,6 +5,7 @@ there already, and is gone once all its scenes are there. A stopped download goe
 """
 
 import argparse
+import hashlib
 import os
 import zipfile
 import zlib
@@ -14,8 +15,8 @@ from alignerf.experiment.checks import fetched
 from alignerf.io import atomic, downloads, faults, progress
 
 BUCKET = "https://storage.googleapis.com/gresearch/refraw360"
-# No SHA-256 of them is published. The MD5 is the one that the bucket gives; of the
-# second archive none was found. Each file inside has a CRC-32, checked as it is read.
+# No SHA-256 of them is published. The MD5 is the one that the bucket gives. Of the
+# second archive none was found: the first one that a scene comes from is noted.
 ARCHIVES = (
     downloads.Published(
         f"{BUCKET}/360_v2.zip",
@@ -25,6 +26,7 @@ ARCHIVES = (
     ),
     downloads.Published(f"{BUCKET}/360_extra_scenes.zip", 4_488_140_217, None),
 )
+MAX_NOTE = 1000
 LICENCE = (
     "mip-NeRF 360's photos (Barron et al., CVPR 2022): no licence is published with "
     "them; https://jonbarron.info/mipnerf360 says whom to ask"
@@ -57,6 +59,10 @@ def bring(scene, published):
             f"{error}: the same command goes on from there; or fetch it by other means "
             f"and put it to {path}, or the scene to {scene}"
         ) from None
+    noted = path.with_name(f"{path.name}.sha256")
+    if published.hash is None and noted.is_file():
+        wanted = faults.text(noted, MAX_NOTE).strip()
+        published = published._replace(hash=wanted, kind="sha256")
     try:
         downloads.check(path, published)
     except ValueError as error:
@@ -64,6 +70,9 @@ def bring(scene, published):
     with atomic.scratch_folder(folder) as scratch:
         unpack(path, scene.name, scratch)
         (scratch / scene.name).rename(scene)
+    if published.hash is None:
+        with atomic.replace_file(noted) as note, faults.opened(path) as archive:
+            note.write_text(hashlib.file_digest(archive, "sha256").hexdigest() + "\n")
     others = fetched.ARCHIVES[published.name]
     if all(os.path.lexists(folder / name) for name in others):
         path.unlink()

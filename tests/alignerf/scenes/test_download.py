@@ -5,7 +5,10 @@ import errno
 import hashlib
 import http.server
 import io
+import shutil
 import threading
+import urllib.error
+import urllib.request
 import zipfile
 from unittest import mock
 
@@ -34,6 +37,11 @@ def bucket(monkeypatch):
         def do_GET(self):
             wanted = self.headers.get("Range")
             asked.append(wanted)
+            if self.server.elsewhere:
+                self.send_response(302)
+                self.send_header("Location", self.server.elsewhere)
+                self.end_headers()
+                return
             content = self.server.content
             first = int(wanted[6:-1]) if wanted else 0
             if first >= len(content):
@@ -50,8 +58,9 @@ def bucket(monkeypatch):
     with http.server.ThreadingHTTPServer(("127.0.0.1", 0), Handler) as server:
         threading.Thread(target=server.serve_forever, daemon=True).start()
 
-        def serve(files, kind=zipfile.ZIP_STORED, most=None, **change):
+        def serve(files, kind=zipfile.ZIP_STORED, most=None, elsewhere="", **change):
             server.content, server.most = archive_of(files, kind), most
+            server.elsewhere = elsewhere
             published = downloads.Published(
                 f"http://127.0.0.1:{server.server_port}/360_v2.zip",
                 len(server.content),
@@ -157,6 +166,33 @@ def test_a_full_disk_is_not_the_servers_fault(bucket, tmp_path, monkeypatch):
     monkeypatch.setattr("builtins.open", mock.Mock(side_effect=full))
     with pytest.raises(OSError, match=r"No space left .*360_v2\.zip"):
         download.main([str(tmp_path / "bicycle")])
+
+
+@pytest.mark.parametrize("first", ["http", "https"])
+@pytest.mark.parametrize("then", ["http", "https", "HTTPS", "ftp", "file"])
+def test_no_redirect_leaves_the_kind_of_address(bucket, tmp_path, first, then):
+    elsewhere = f"{then}://127.0.0.1:9/360_v2.zip"
+    goes_on = first == then.lower()
+    asked = urllib.request.Request(f"{first}://here/360_v2.zip")
+    refused = pytest.raises(urllib.error.URLError, match="redirected to")
+    with contextlib.nullcontext() if goes_on else refused:
+        downloads.Redirect().redirect_request(asked, None, 302, "", {}, elsewhere)
+    if first == "http" and then != "http":
+        bucket({"bicycle/a": b"a"}, elsewhere=elsewhere)
+        with pytest.raises(ValueError, match=r"360_v2\.zip: .*: the same command"):
+            download.main([str(tmp_path / "bicycle")])
+        assert not any(tmp_path.iterdir())
+
+
+def test_without_a_hash_the_first_archive_is_the_one(bucket, tmp_path):
+    scene = tmp_path / "bicycle"
+    for content in (b"first", b"first", b"other"):
+        bucket({"bicycle/a": content}, hash=None)
+        wrong = pytest.raises(ValueError, match=r"its SHA256 is .*: delete it")
+        with wrong if content == b"other" else contextlib.nullcontext():
+            download.main([str(scene)])
+            shutil.rmtree(scene)
+    assert not scene.exists()
 
 
 def test_the_archive_stays_for_scenes_that_are_missing(bucket, tmp_path, monkeypatch):
