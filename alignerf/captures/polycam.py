@@ -114,7 +114,7 @@ def shot_of(name, photo, path):
     values = [content[key] for key in LENS]
     for key in (*LENS, *SIZE, *itertools.chain(*ROWS)):
         if key in content and not shots.is_number(content[key]):
-            raise ValueError(f"{path}: {key} is {content[key]!r:.60}")
+            raise ValueError(f"{path}: {key} is {faults.shown(content[key])}")
     return shots.Shot(
         name=name,
         photo=photo,

@@ -252,7 +252,9 @@ def inputs_of(path, name, scene):
     found = {k: found.get(k) for k in ("path", "renders", "cameras", "depth")}
     for key, own in found.items():
         if own is not None and (not isinstance(own, str) or "\0" in own):
-            raise ValueError(f"{path}: scenes.{name}.{key}: {own!r:.60} is no path")
+            raise ValueError(
+                f"{path}: scenes.{name}.{key}: {faults.shown(own)} is no path"
+            )
     return {key: own for key, own in found.items() if own}
 
 

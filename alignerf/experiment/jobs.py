@@ -13,7 +13,7 @@ from alignerf import methods
 from alignerf.experiment import schema
 from alignerf.experiment.keys import model as model_keys
 from alignerf.experiment.keys import training as training_keys
-from alignerf.experiment.keys.key import Keys, key, short
+from alignerf.experiment.keys.key import Keys, key
 from alignerf.io import faults, json_files
 
 # Of a stage with a budget, however small that is; of a whole training, however large.
@@ -158,7 +158,7 @@ def class_of(values):
     own = [one for one in every if one.own and one.own in values]
     # A list, as what is no text may have no hash.
     if values.get("stage") not in [*stages]:
-        given = short(values.get("stage"))
+        given = faults.shown(values.get("stage"), 100)
         raise ValueError(f"config: stage: {given} is none of {[*stages]}")
     return own[0] if own else stages[values["stage"]]
 

@@ -5,6 +5,7 @@ import math
 import pydantic
 
 from alignerf.experiment.keys import key as keys
+from alignerf.io import faults
 
 # What pydantic calls a dictionary, an instance or an object.
 MAPPING = "be a mapping of keys"
@@ -38,12 +39,13 @@ def message(errors, values, place):
         return f"config: {where}: {error['loc'][-1]!r} is missing"
     value = error["input"]
     if error["type"] == "union_tag_invalid":
-        kind, kinds = keys.short(value["kind"]), error["ctx"]["expected_tags"]
+        kind, kinds = faults.shown(value["kind"], 100), error["ctx"]["expected_tags"]
         return f"config: {where}.kind: {kind} should be one of {kinds}"
     # Of all that a key may be, each says what it misses.
     same = [one for one in errors if place_of(one, values) == inner]
     what = " or ".join(dict.fromkeys(map(wanted, same)))
-    return f"config: {where}: {keys.short(value)} should {what}{hint_of(value, what)}"
+    said = f"{faults.shown(value, 100)} should {what}{hint_of(value, what)}"
+    return f"config: {where}: {said}"
 
 
 def place_of(error, values):

@@ -6,6 +6,7 @@ import logging
 import math
 import os
 import pathlib
+import reprlib
 import stat
 import sys
 
@@ -233,6 +234,13 @@ def name_of(text, most=200):
     return cut(text if text.isprintable() else ascii(text), most)
 
 
+# A value as Python writes it, but for what no message has room for. It is bounded while
+# it is written: lists in lists may hold a billion values.
+SHORT = reprlib.Repr()
+SHORT.maxlevel, SHORT.maxlist, SHORT.maxdict, SHORT.maxstring = 3, 20, 20, 300
+SHORT.maxlong, SHORT.maxother = 60, 300
+
+
 def shown(value, most=60) -> str:
     """A value of a file as Python writes it, in at most `most` characters.
 
@@ -240,13 +248,13 @@ def shown(value, most=60) -> str:
     may hold what a terminal obeys.
     """
     if isinstance(value, str):
-        # A text of a megabyte need not be escaped whole.
+        # Its beginning tells more than its end.
         value = value[:most]
     try:
-        text = repr(value)
-    # Of whole numbers of 5000 digits, and of lists in one another.
-    except (ValueError, RecursionError):
-        text = f"a {type(value).__name__}"
+        text = SHORT.repr(value)
+    # Of whole numbers of 5000 digits.
+    except ValueError:
+        text = f"{type(value).__name__} of too many digits"
     return name_of(text, most)
 
 

@@ -64,9 +64,9 @@ def check(content, kinds):
         # Python calls True a number.
         is_truth = isinstance(value, bool) and kind is not bool
         if is_truth or not isinstance(value, kind):
-            raise ValueError(f"{key} is {value!r:.60}")
+            raise ValueError(f"{key} is {faults.shown(value)}")
         if isinstance(value, list) and len(value) > MAX_ENTRIES:
             raise ValueError(f"{key}: {len(value):,} entries, over {MAX_ENTRIES:,}")
         # A whole number of 400 digits has no floating one.
         if isinstance(value, NUMBER) and not abs(value) < LARGEST:
-            raise ValueError(f"{key} is {value!r:.60}")
+            raise ValueError(f"{key} is {faults.shown(value)}")

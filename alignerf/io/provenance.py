@@ -14,7 +14,7 @@ import shlex
 import subprocess
 from pathlib import Path
 
-from alignerf.io import json_files, yaml_files
+from alignerf.io import faults, json_files, yaml_files
 
 # Of this program; pyproject.toml takes it from here.
 VERSION = "0.2.0"
@@ -164,7 +164,7 @@ def of_training(path):
     values = {key: timing.get(key) for key in KEYS}
     for key, value in values.items():
         if not isinstance(value, str | None):
-            raise ValueError(f"{path}: {key} is {value!r:.60} instead of text")
+            raise ValueError(f"{path}: {key} is {faults.shown(value)} instead of text")
     return values
 
 

@@ -158,10 +158,11 @@ def quarter_turns(folder):
     path = folder / "poses.json"
     turns = json_files.read(path).get("quarter_turns", {})
     if not isinstance(turns, dict):
-        raise ValueError(f"{path}: quarter_turns is {turns!r:.60}")
+        raise ValueError(f"{path}: quarter_turns is {faults.shown(turns)}")
     for view, count in turns.items():
         if type(count) is not int or not 0 <= count < 4:
-            raise ValueError(f"{path}: quarter_turns of {view!r:.60} is {count!r:.60}")
+            said = f"{faults.shown(view)} is {faults.shown(count)}"
+            raise ValueError(f"{path}: quarter_turns of {said}")
     return turns
 
 
@@ -204,7 +205,9 @@ def facts(folder):
     poses = json_files.read(folder / "poses.json", POSES)
     if judged := poses.get("external_renders"):
         if not isinstance(judged, dict) or not isinstance(judged.get("way"), str):
-            raise ValueError(f"{folder / 'poses.json'}: judged is {judged!r:.60}")
+            raise ValueError(
+                f"{folder / 'poses.json'}: judged is {faults.shown(judged)}"
+            )
         return facts_of_judged(poses, judged)
     entries = [
         ("photos", f"{poses['registered']} of {poses['total']} registered"),

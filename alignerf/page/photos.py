@@ -10,7 +10,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from alignerf.io import archives, csv_files, images, json_files, machine
+from alignerf.io import archives, csv_files, faults, images, json_files, machine
 from alignerf.metrics import image as image_metrics
 from alignerf.page import contents, pictures
 from alignerf.scenes import prepared
@@ -201,8 +201,8 @@ def scored(folder, splits):
         if not isinstance(row.view, str):
             raise ValueError(f"{path}: a view without a name")
         if row.split not in splits:
-            fault = f"view {row.view!r:.60}: no renders of split {row.split!r:.60}"
-            raise ValueError(f"{path}: {fault}")
+            lacking = f"no renders of split {faults.shown(row.split)}"
+            raise ValueError(f"{path}: view {faults.shown(row.view)}: {lacking}")
     # Empty where a view does not, which is read as a number where none does.
     reasons = [why if isinstance(why, str) else "" for why in table["stands_out"]]
     table["stands_out"] = np.array(reasons, object)
@@ -239,7 +239,7 @@ def scale(folder):
     poses = json_files.read(path, contents.POSES)
     for key in ("width", "photo_width"):
         if not poses[key] > 0:
-            raise ValueError(f"{path}: {key} is {poses[key]!r:.60}")
+            raise ValueError(f"{path}: {key} is {faults.shown(poses[key])}")
     return poses["photo_width"] / poses["width"]
 
 

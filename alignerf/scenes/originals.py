@@ -67,7 +67,7 @@ def noted(scene):
     for name, told in found.items():
         kinds = [type(one) for one in told] if isinstance(told, list) else None
         if kinds != [int, int, str]:
-            raise ValueError(f"{path}: {faults.name_of(name)} is {told!r:.60}")
+            raise ValueError(f"{path}: {faults.name_of(name)} is {faults.shown(told)}")
     return found
 
 

@@ -91,7 +91,7 @@ def read_named(path, manifest, prefix):
     """The bytes that a manifest names; ValueError where they are damaged."""
     # No other file is read, wherever a manifest points.
     if not re.fullmatch(rf"{prefix}-\d+\.msgpack", manifest["file"]):
-        raise ValueError(f"file is {manifest['file']!r:.60}")
+        raise ValueError(f"file is {faults.shown(manifest['file'])}")
     data = faults.content(path.with_name(manifest["file"]))
     if hashlib.sha256(data).hexdigest() != manifest["sha256"]:
         raise ValueError(f"{manifest['file']} is damaged")

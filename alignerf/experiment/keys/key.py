@@ -2,10 +2,11 @@
 
 import copy
 import difflib
-import reprlib
 from typing import Annotated
 
 import pydantic
+
+from alignerf.io import faults
 
 # Of a key that every config has to give; of one that is there only where it is given.
 REQUIRED = object()
@@ -17,8 +18,6 @@ MAX_NAMES = 10000
 LEAST, LARGEST = 2.0**-126, 2.0**128 - 2.0**104
 # As pydantic calls them.
 BOUNDS = {"least": "ge", "most": "le", "above": "gt"}
-SHORT = reprlib.Repr()
-SHORT.maxstring = SHORT.maxother = SHORT.maxlong = 100
 
 # Keys and values of earlier versions: what they are called now.
 RENAMED = {
@@ -95,7 +94,9 @@ class Keys(pydantic.BaseModel):
                 if RENAMED.get(word) in names:
                     hint = f": it is called {RENAMED[word]!r} now"
                 hint = REMOVED.get(word, hint)
-                raise ValueError(f"{short(key)} is no key of this section{hint}")
+                raise ValueError(
+                    f"{faults.shown(key, 100)} is no key of this section{hint}"
+                )
         return values
 
     @pydantic.model_validator(mode="after")
@@ -110,15 +111,6 @@ class Keys(pydantic.BaseModel):
                         f"{LARGEST:.1e}, as float32 has no others"
                     )
         return self
-
-
-def short(value):
-    """A value in one line of a readable length."""
-    try:
-        return SHORT.repr(value)
-    except ValueError:
-        # Python writes no number of more than 4300 digits.
-        return f"{type(value).__name__} of too many digits"
 
 
 class Bounds:

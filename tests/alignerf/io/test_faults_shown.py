@@ -10,6 +10,10 @@ from alignerf.io import faults
 DEEP = []
 for _ in range(100_000):
     DEEP = [DEEP]
+# Nine to the tenth values, in ten lists.
+BOMB = "lol"
+for _ in range(10):
+    BOMB = [BOMB] * 9
 
 
 @pytest.mark.parametrize(
@@ -22,10 +26,12 @@ for _ in range(100_000):
         {"\x9b31m": None},
         10**5000,
         DEEP,
+        BOMB,
+        {"x": BOMB},
         5e-324,
         None,
     ],
-    ids=range(9),
+    ids=range(11),
 )
 def test_a_value_of_a_file_is_short_and_prints(value):
     for most in (60, 20):

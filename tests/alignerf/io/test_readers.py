@@ -167,6 +167,35 @@ def test_a_config_of_a_mebibyte_is_the_largest(tmp_path):
         yaml_files.read(tmp_path / "a")
 
 
+def lists(depth, width):
+    """YAML of lists in lists, each written once: width ** depth values."""
+    lines = [f"l0: &l0 [{', '.join(['x'] * width)}]"]
+    for i in range(1, depth):
+        lines.append(f"l{i}: &l{i} [{', '.join([f'*l{i - 1}'] * width)}]")
+    return "\n".join(lines) + "\n"
+
+
+@pytest.mark.parametrize("depth", [1, 3, 6, 9, 40])
+def test_aliases_are_counted_before_they_are_followed(tmp_path, depth):
+    """A config may use them; 540 bytes of them may stand for a billion values."""
+    path, width = tmp_path / "a.yaml", 9
+    path.write_text(lists(depth, width))
+    began_s = time.monotonic()
+    if width**depth < yaml_files.MAX_VALUES / 2:
+        assert len(yaml_files.read(path)) == depth
+    else:
+        with pytest.raises(ValueError, match=r"a\.yaml: over 100,000 values"):
+            yaml_files.read(path)
+    assert time.monotonic() - began_s < 5
+
+
+@pytest.mark.parametrize("text", ["a: &a [*a]", "&a {x: *a}", "&a {<<: *a}"])
+def test_what_holds_itself_is_named(tmp_path, text):
+    (tmp_path / "a.yaml").write_text(text)
+    with pytest.raises(ValueError, match=r"a\.yaml: over 100,000 values"):
+        yaml_files.read(tmp_path / "a.yaml")
+
+
 @pytest.mark.parametrize(
     ("text", "reason"),
     [
