@@ -158,7 +158,7 @@ def read(path):
 
 def can_export(scene):
     """Whether a scene of a config may have an export; what is wrong is said later."""
-    is_known = isinstance(scene, dict) and scene.get("source") in base.every()
+    is_known = isinstance(scene, dict) and scene.get("source") in [*base.every()]
     return not is_known or base.of(scene).can_export(scene)
 
 

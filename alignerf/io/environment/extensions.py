@@ -10,8 +10,10 @@ import hashlib
 import importlib
 import importlib.metadata
 import importlib.util
+import numbers
 import pkgutil
 import sys
+from collections.abc import Callable
 from pathlib import Path
 
 # {group: what its objects must have}.
@@ -23,6 +25,13 @@ NEEDED = {
     "systems": ("made", "kind", "near", "samples", "training"),
     "estimators": ("calculate", "min_side_px"),
 }
+# Of what kind some of these are: an object may say that it has whatever is asked for.
+TEXTS = ("name", "what", "label", "unit", "pixels", "meaning", "needs", "kind")
+CALLED = ("detect", "read", "trainings", "words", "moves", "value", "limit", "find")
+CALLED += ("make", "made", "calculate")
+KINDS = dict.fromkeys(TEXTS, str) | dict.fromkeys(CALLED, Callable)
+KINDS |= dict.fromkeys(("poses", "tables", "order"), tuple | list)
+KINDS |= {"key": str | None, "min_side_px": numbers.Real}
 
 
 @functools.cache
@@ -32,34 +41,63 @@ def of_group(group):
     Ends the process with one line where one cannot be imported, or has the name of
     another.
     """
-    points = sorted(importlib.metadata.entry_points(group=f"alignerf.{group}"))
     objects = {}
-    for point in points:
-        of = f"alignerf.{group} of {point.dist.name if point.dist else 'a package'}"
+    for point in points(group):
+        of = f"alignerf.{group} of {called(point.dist)}"
         where = f"error: entry point {point.name} = {point.value} of {of}"
         if point.name in objects:
             sys.exit(f"{where}: another package has the same name")
-        try:
-            objects[point.name] = point.load()
-        # Whatever the code of others raises.
-        except Exception as error:
-            what = " ".join(f"{type(error).__name__}: {error}".split())
-            sys.exit(f"{where}: {what}")
-        if lacking := [
-            name for name in NEEDED[group] if not has(objects[point.name], name)
-        ]:
-            sys.exit(f"{where}: it has no {lacking[0]}")
+        objects[point.name], fault = tried(taken, point, NEEDED[group])
+        if fault:
+            sys.exit(f"{where}: {fault}")
     return objects
 
 
-def has(one, name):
-    """Whether an object has an attribute, or one of an attribute: `Keys.near`."""
-    for part in name.split("."):
+@functools.cache
+def points(group):
+    """The entry points of a group, by their names.
+
+    Ends the process with one line where those of any package cannot be read.
+    """
+    try:
+        return sorted(importlib.metadata.entry_points(group=f"alignerf.{group}"))
+    except Exception:
+        for package in importlib.metadata.distributions():
+            _, fault = tried(lambda one: one.entry_points, package)
+            if fault:
+                sys.exit(f"error: entry_points.txt of {called(package)}: {fault}")
+        raise
+
+
+def called(package):
+    """The name of a package; where it says none, the path of what says so."""
+    name, _ = tried(lambda: package.name)
+    return name or getattr(package, "_path", "a package")
+
+
+def tried(function, *arguments):
+    """(what code of others returns, None), or (None, in words what it raises).
+
+    It may end the process, too; a user's interrupt is none of its own.
+    """
+    try:
+        return function(*arguments), None
+    except KeyboardInterrupt:
+        raise
+    except BaseException as error:
+        return None, " ".join(f"{type(error).__name__}: {error}".split())
+
+
+def taken(point, needed):
+    """The object of an entry point; TypeError where it has not all that is needed."""
+    one = point.load()
+    for name in needed:
         fields = getattr(one, "model_fields", {})
-        if part not in fields and not hasattr(one, part):
-            return False
-        one = getattr(one, part, None)
-    return True
+        is_field = isinstance(fields, dict) and name in fields
+        value = fields[name].default if is_field else getattr(one, name)
+        if not isinstance(value, KINDS.get(name, object)):
+            raise TypeError(f"{name} is a {type(value).__name__}")
+    return one
 
 
 def check_new(group, names, taken):
@@ -93,8 +131,7 @@ def registered(package, group, name):
 @functools.cache
 def names(group):
     """The names alone: nothing is imported for them."""
-    points = importlib.metadata.entry_points(group=f"alignerf.{group}")
-    return tuple(sorted(point.name for point in points))
+    return tuple(point.name for point in points(group))
 
 
 @functools.cache
@@ -106,21 +143,20 @@ def digest():
     """
     code = hashlib.sha256()
     for group in NEEDED:
-        for point in sorted(importlib.metadata.entry_points(group=f"alignerf.{group}")):
+        for point in points(group):
             code.update(f"{group} {point.name} {point.value}\n".encode())
-            for path in modules_beside(point.module):
+            for path in modules_beside(point):
                 code.update(path.read_bytes())
     return code.digest()
 
 
-def modules_beside(module):
-    """The files of a module and of its folder; of a module in no package its own."""
-    try:
-        spec = importlib.util.find_spec(module)
-    # `of_group` says what is wrong with it.
-    except Exception:
-        return []
+def modules_beside(point):
+    """The files of its module and of its folder; of a module in no package its own.
+
+    None where there is no such module: `of_group` says so.
+    """
+    spec, _ = tried(lambda: importlib.util.find_spec(point.module))
     if spec is None or not spec.origin:
         return []
     path = Path(spec.origin)
-    return sorted(path.parent.rglob("*.py")) if "." in module else [path]
+    return sorted(path.parent.rglob("*.py")) if "." in point.module else [path]

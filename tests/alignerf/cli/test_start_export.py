@@ -121,3 +121,10 @@ def test_of_judged_renders_only_some_are_put_right(here, runs, capsys, keys, can
     assert faults.exit_code(export.main, ["a"]) == (0 if can else 1)
     assert bool(runs) == can
     assert can or "nothing to export" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("source", ["[a]", "{a: 1}", "5"])
+def test_what_is_wrong_with_a_source_is_said_by_the_run(here, runs, source):
+    (here / "results" / "a.yaml").write_text(f"scenes: {{a: {{source: {source}}}}}\n")
+    export.main(["a"])
+    assert runs

@@ -6,11 +6,13 @@ import sys
 
 import pytest
 
+from alignerf.io.environment import extensions
+
 READ = "from alignerf.experiment import check"
 
 
-TEST_SET = "name = pixels = meaning = needs = tables = ''; make = moved = None\n"
-METHOD = "key = {!r}\nannotation = field = trainings = words = moves = None\n"
+TEST_SET = "name = pixels = meaning = needs = ''; tables = (); make = print\n"
+METHOD = "key = {!r}\nannotation = field = None; trainings = words = moves = print\n"
 SYSTEM = """
 from typing import Literal
 
@@ -69,7 +71,7 @@ def run(root, folder, code=READ):
             "methods",
             "k = one",
             "key = 'x'\n",
-            "one: it has no annotation",
+            "one: AttributeError: module 'one' has no attribute 'annotation'",
         ),
         (
             "methods",
@@ -77,7 +79,9 @@ def run(root, folder, code=READ):
             METHOD.format("copy"),
             "alignerf.methods: copy is a name",
         ),
-        ("systems", "s = one", "made = 1\n", "of one: it has no kind"),
+        ("systems", "s = one", "made = 1\n", "of one: TypeError: made is a int"),
+        ("systems", "s = one", "made = print\n", "has no attribute 'kind'"),
+        ("methods", "k = one:", "", "k = one: of alignerf.methods of one"),
         ("methods", "k = one", "1 / 0\n", "of one: ZeroDivisionError"),
         (
             "methods",
@@ -116,3 +120,64 @@ def test_an_estimator_of_the_programs_name(tmp_path, root):
     exit_code, (line,) = run(root, tmp_path, "from flow.estimation import estimators")
     assert exit_code == 1
     assert line == "error: alignerf.estimators: deepflow is a name that is taken"
+
+
+# Objects that have whatever they are asked for.
+MOCK = "from unittest.mock import {0}\nANY = {0}()\n"
+WILD = "class Any:\n    def __getattr__(self, name): {}\nANY = Any()\n"
+ENDS = ("import sys; sys.exit(0)\n", "raise SystemExit\n", "raise GeneratorExit\n")
+ENDS += ("raise BaseExceptionGroup('x', [SystemExit()])\n",)
+GROUPS = sorted(extensions.NEEDED)
+
+
+@pytest.mark.parametrize(
+    "code",
+    [
+        *ENDS,
+        *map(MOCK.format, ("Mock", "MagicMock", "NonCallableMock")),
+        *map(WILD.format, ("return self", "raise SystemExit(0)", "return 1")),
+    ],
+)
+@pytest.mark.parametrize("group", GROUPS)
+def test_no_object_of_others_ends_a_command_silently(
+    tmp_path, monkeypatch, capsys, group, code
+):
+    """Its package is named, whatever it does, or says that it has."""
+    package(tmp_path, "one", group, "k = one:ANY", code)
+    monkeypatch.syspath_prepend(tmp_path)
+    monkeypatch.delitem(sys.modules, "one", raising=False)
+    extensions.points.cache_clear()
+    with pytest.raises(SystemExit) as ended:
+        extensions.of_group.__wrapped__(group)
+    extensions.points.cache_clear()
+    sys.modules.pop("one", None)
+    assert "k = one:ANY of alignerf" in str(ended.value)
+    assert f"{group} of one: " in str(ended.value)
+    assert "\n" not in str(ended.value)
+
+
+@pytest.mark.parametrize(
+    ("text", "metadata"),
+    [(b"[alignerf.methods]\nk\n", "Name: one\n"), (b"\xff", ""), (b"[x]\nz", None)],
+)
+def test_entry_points_that_cannot_be_read_name_their_package(
+    tmp_path, root, text, metadata
+):
+    package(tmp_path, "one", "methods", "k = one:NONE", "")
+    info = tmp_path / "one-1.0.dist-info"
+    (info / "entry_points.txt").write_bytes(text)
+    (info / "METADATA").unlink()
+    if metadata is not None:
+        (info / "METADATA").write_text(metadata)
+    exit_code, (line,) = run(root, tmp_path)
+    assert exit_code == 1
+    assert line.startswith("error: entry_points.txt of ")
+    assert "one" in line
+
+
+def test_an_interrupt_while_others_are_loaded_stays_one(tmp_path, root):
+    package(tmp_path, "one", "methods", "k = one", "raise KeyboardInterrupt\n")
+    code = "import importlib\nfrom alignerf.io import faults\n"
+    code += "faults.run(lambda: importlib.import_module('alignerf.experiment.check'))"
+    exit_code, (line,) = run(root, tmp_path, code)
+    assert (exit_code, line) == (130, "stopped; nothing half-made is left")
