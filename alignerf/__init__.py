@@ -24,10 +24,11 @@ and what it asks of a cluster. `processes` lets several processes train one mode
 """
 
 import importlib
+import os
 import sys
 from typing import TYPE_CHECKING, Any
 
-from alignerf.io.environment import switches
+from alignerf.io.environment import interrupts, switches
 
 if TYPE_CHECKING:
     from alignerf.api.diagnosis import Cause, Report, diagnose
@@ -38,9 +39,10 @@ if TYPE_CHECKING:
 # for.
 __all__ = ("Cause", "Report", "__version__", "diagnose")
 
-# Python says so while it looks for the command of `python -m alignerf.train`: before
-# anything imports JAX.
-if sys.argv[:1] == ["-m"]:
+# What Python says while it looks for the command of `python -m alignerf.train`, and the
+# command that is installed: before anything imports JAX.
+if {*map(os.path.basename, sys.argv[:1])} & {"-m", "why-blurry"}:
+    interrupts.begin()
     switches.settle()
 
 

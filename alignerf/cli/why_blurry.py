@@ -8,7 +8,7 @@ import os
 import sys
 
 from alignerf.io import faults, provenance
-from alignerf.io.environment import switches
+from alignerf.io.environment import interrupts, switches
 
 HELP = """\
 Why a NeRF or a splat is blurry, and what to fix first.
@@ -58,7 +58,8 @@ def run(command="--help", *words):
     os.environ[provenance.TYPED] = "why-blurry"
     sys.argv = [f"why-blurry {command}", *words]
     try:
-        module = importlib.import_module(COMMANDS[command])
+        with interrupts.importing():
+            module = importlib.import_module(COMMANDS[command])
     except ModuleNotFoundError as error:
         raise ValueError(f"{error.name} is not installed here. {INSTALL}") from None
     module.main(list(words))

@@ -10,6 +10,8 @@ import reprlib
 import stat
 import sys
 
+from alignerf.io.environment import interrupts
+
 log = logging.getLogger("alignerf")
 
 # Of a line that is printed. Of a longer one both ends are kept: files and keys are
@@ -90,13 +92,14 @@ def exit_code(main, *arguments, **options) -> int:
     log.setLevel(logging.INFO)
     take_any_letter(sys.stdout)
     try:
-        main(*arguments, **options)
+        with interrupts.raised():
+            main(*arguments, **options)
     except (ValueError, OSError) as error:
         say(error)
         return 1
     except KeyboardInterrupt:
-        print("stopped; nothing half-made is left", file=sys.stderr)
-        return 130
+        print(interrupts.SAID, file=sys.stderr)
+        return interrupts.CODE
     except Exception as error:
         if (name := platform_missing()) is None:
             raise
