@@ -16,7 +16,7 @@ import re
 import subprocess
 import sys
 import tempfile
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence, Set
 from pathlib import Path
 from typing import Any
 
@@ -46,7 +46,7 @@ POSES, LENS, NAMED = ("camera", "focal"), ("lens_shift",), ("faulty", "likely")
 EXPORT = f"make export SCENE={NAME}"
 LINK = re.compile(r'<a (?:data-doc href="[^"]*"|href="[\w/.]+")>(.*?)</a>', re.DOTALL)
 
-Images = np.ndarray | Sequence[np.ndarray]
+Images = np.ndarray | Iterable[np.ndarray]
 Files = str | os.PathLike
 
 
@@ -99,21 +99,24 @@ def diagnose(
 ) -> Report:
     """What is wrong with the capture that these renders of its photos were learnt from.
 
-    images (the photos), renders: [n, h, w, 3] uint8 or lists of [h, w, 3], in one
-    order; or folders, as `why-blurry judge` takes them. cameras: with arrays a mapping
-    of "K" ([3, 3] or [n, 3, 3]) and either "camera_to_world" or "world_to_camera" ([n,
-    3 or 4, 4], OpenCV's axes); with folders transforms.json, COLMAP's sparse/0 or
-    cameras.json.
+    images (the photos), renders: [n, h, w, 3] uint8, or whatever yields [h, w, 3], in
+    one order; or folders, as `why-blurry judge` takes them. cameras: with arrays a
+    mapping of "K" ([3, 3] or [n, 3, 3]) and either "camera_to_world" or
+    "world_to_camera" ([n, 3 or 4, 4], OpenCV's axes); with folders transforms.json,
+    COLMAP's sparse/0 or cameras.json.
     depth: [n, h, w] along the optical axis, in the cameras' unit, or a folder.
     held_out: indices of arrays' views that the model has not learnt from.
     Raises ValueError, in one line, for input that cannot be judged.
     """
     given: dict[str, Any] = {"photos": images, "renders": renders}
     given |= {"cameras": cameras, "depth": depth}
+    if cores is not None and (not is_whole(cores) or cores < 1):
+        raise ValueError("cores: a whole number from 1 on was expected")
     if not isinstance(images, Files):
         for key, name in (("photos", "images"), ("renders", "renders")):
-            if not isinstance(given[key], Files):
-                check_sequence(given[key], name)
+            given[key] = listed(given[key], name)
+        if depth is not None:
+            given["depth"] = listed(depth, "depth")
         held_out = indices(held_out)
     with atomic.scratch_folder(tempfile.gettempdir(), name="why-blurry") as work:
         if isinstance(images, Files):
@@ -133,42 +136,63 @@ def of_files(given: Mapping[str, Any], held_out: Sequence[int]) -> dict[str, Pat
         if path is not None and not isinstance(path, Files):
             raise ValueError(f"{name}: a path was expected, as images is one")
     return {
-        key: Path(path).expanduser().resolve()
+        key: faults.resolved(os.path.expanduser(os.fsdecode(path)))
         for key, path in given.items()
         if path is not None
     }
 
 
-def check_sequence(values: object, name: str) -> None:
-    """ValueError for what is no array and no list of arrays, or is empty."""
-    if not isinstance(values, np.ndarray | Sequence) or isinstance(values, str | bytes):
+def listed(values: Any, name: str) -> list:
+    """The arrays that something yields in order, at least one; ValueError else."""
+    if isinstance(values, Files):
+        raise ValueError(f"{name}: arrays were expected, as images are")
+    try:
+        views = iter(values)
+    except TypeError:
+        views = None
+    if views is None or isinstance(values, bytes | Mapping | Set):
         raise ValueError(f"{name}: arrays or folders were expected")
-    if not len(values):
+    # What fails while they are made is the caller's.
+    if not (found := list(views)):
         raise ValueError(f"{name}: none were given")
+    return found
+
+
+def is_whole(value: object) -> bool:
+    """Whether it is a whole number; truth values would be taken for 0 and 1."""
+    return isinstance(value, numbers.Integral) and not isinstance(value, bool)
 
 
 def indices(values: Any) -> list[int]:
-    """A list of whole numbers; truth values would be taken for 0 and 1."""
+    """A list of whole numbers."""
     try:
         found: list[Any] = list(values)
     except TypeError:
         found = [None]
-    if not all(
-        isinstance(one, numbers.Integral) and not isinstance(one, bool) for one in found
-    ):
+    if not all(map(is_whole, found)):
         raise ValueError("held_out: indices of views were expected")
     return found
 
 
+def array(values: object) -> np.ndarray:
+    """An array of real numbers; of anything else, an empty one of objects.
+
+    Other numbers would lose their imaginary part on the way into a file.
+    """
+    try:
+        found = np.asarray(values)
+    # Whatever an object of another library raises.
+    except Exception:
+        found = np.zeros(0, object)
+    return found if found.dtype.kind in "biuf" else np.zeros(0, object)
+
+
 def floats(values: object, name: str) -> np.ndarray:
     """A float array of finite numbers; ValueError with its name."""
-    try:
-        found = np.asarray(values, float)
-    except (TypeError, ValueError):
-        found = np.array(np.nan)
-    if not np.isfinite(found).all():
+    found = array(values)
+    if found.dtype == object or not np.isfinite(found).all():
         raise ValueError(f"{name}: an array of finite numbers was expected")
-    return found
+    return found.astype(float)
 
 
 def of_arrays(
@@ -178,8 +202,6 @@ def of_arrays(
     taken, rendered, maps = given["photos"], given["renders"], given["depth"]
     cameras, names = given["cameras"], [f"view{i:04d}" for i in range(len(taken))]
     for key, arrays in (("renders", rendered), ("depth", maps)):
-        if isinstance(arrays, Files):
-            raise ValueError(f"{key}: arrays were expected, as images are")
         if arrays is not None and len(arrays) != len(names):
             raise ValueError(f"{key}: {len(arrays)} of {len(names)} images")
     if strange := set(held_out) - set(range(len(names))):
@@ -204,24 +226,23 @@ def of_arrays(
 
 def depth_of(values: object, where: str) -> np.ndarray:
     """[h, w] float32, infinite where far; ValueError with its name."""
-    try:
-        found = np.asarray(values, np.float32)
-    except (TypeError, ValueError):
-        found = np.zeros(0)
+    found = array(values)
     if found.ndim != 2 or not found.size:
         raise ValueError(f"{where}: numbers [h, w] were expected")
-    return found
+    # What float32 does not hold is far away.
+    with np.errstate(over="ignore"):
+        return found.astype(np.float32)
 
 
 def write(path: Path, image: object, where: str) -> None:
     """Write a PNG; ValueError, naming the array, for what is no image."""
-    image = np.asarray(image)
-    shape = image.shape
-    if image.dtype != np.uint8 or len(shape) != 3 or shape[2] != 3 or not image.size:
-        kind = f"{image.dtype} {list(image.shape)}"
+    found = array(image)
+    shape = found.shape
+    if found.dtype != np.uint8 or len(shape) != 3 or shape[2] != 3 or not found.size:
+        kind = f"{found.dtype} {list(shape)}"
         raise ValueError(f"{where}: {kind} instead of uint8 [h, w, 3]")
     path.parent.mkdir(parents=True, exist_ok=True)
-    images.write(path, image)
+    images.write(path, found)
 
 
 def transforms_of(
@@ -237,10 +258,11 @@ def transforms_of(
     if poses.shape not in ((n, 3, 4), (n, 4, 4)):
         kind = list(poses.shape)
         raise ValueError(f"cameras.{modes[0]}: {kind} instead of [{n}, 3 or 4, 4]")
-    if np.shape(cameras["K"]) not in ((3, 3), (n, 3, 3)):
-        kind = list(np.shape(cameras["K"]))
+    camtopix = floats(cameras["K"], "cameras.K")
+    if camtopix.shape not in ((3, 3), (n, 3, 3)):
+        kind = list(camtopix.shape)
         raise ValueError(f"cameras.K: {kind} instead of [3, 3] or [{n}, 3, 3]")
-    camtopix = np.broadcast_to(floats(cameras["K"], "cameras.K"), (n, 3, 3))
+    camtopix = np.broadcast_to(camtopix, (n, 3, 3))
     rest = camtopix * [[0, 1, 0], [1, 0, 0], [1, 1, 0]]
     if rest.any() or (camtopix[:, [0, 1], [0, 1]] <= 0).any():
         raise ValueError("cameras.K: focal lengths above 0 and no skew were expected")

@@ -120,6 +120,11 @@ POSES = np.tile(np.eye(4), (3, 1, 1))
 LENS = np.array([[50.0, 0, 20], [0, 50, 20], [0, 0, 1]])
 
 
+class OfBytes:
+    def __fspath__(self):
+        return b"nowhere"
+
+
 @pytest.mark.parametrize(
     ("changes", "says"),
     [
@@ -127,6 +132,25 @@ LENS = np.array([[50.0, 0, 20], [0, 50, 20], [0, 0, 1]])
         ({"images": []}, "images: none were given"),
         ({"renders": 5}, "renders: arrays or folders"),
         ({"renders": IMAGES[:2]}, "renders: 2 of 3 images"),
+        ({"images": np.array(5)}, "images: arrays or folders"),
+        ({"renders": {0: IMAGES[0]}}, "renders: arrays or folders"),
+        ({"renders": (one for one in IMAGES[:2])}, "renders: 2 of 3 images"),
+        ({"images": [[1, [2, 3]]] * 3}, r"images\[0\]: object \[0\] instead of"),
+        ({"depth": 5}, "depth: arrays or folders"),
+        ({"depth": np.array(5)}, "depth: arrays or folders"),
+        ({"depth": (one for one in [1])}, "depth: 1 of 3 images"),
+        ({"depth": np.ones((3, 4, 4), complex)}, "depth of view0000: numbers"),
+        ({"cameras": {"K": LENS + 0j, "camera_to_world": POSES}}, "cameras.K: an"),
+        (
+            {"cameras": {"K": LENS, "camera_to_world": 1j * POSES}},
+            "camera_to_world: an",
+        ),
+        ({"cameras": {"K": [[1, 2], [3]], "camera_to_world": POSES}}, "cameras.K: an"),
+        ({"cores": 0}, "cores: a whole number from 1"),
+        ({"cores": "2"}, "cores: a whole number from 1"),
+        ({"cores": True}, "cores: a whole number from 1"),
+        ({"images": "~nouser/x", "renders": "y"}, "~nouser/x: no folder of photos"),
+        ({"images": OfBytes(), "renders": "y"}, "nowhere: no folder of photos"),
         ({"images": IMAGES[:, :0]}, r"images\[0\]: uint8 \[0, 40, 3\] instead"),
         ({"held_out": [True, False, False]}, "held_out: indices"),
         ({"held_out": 3}, "held_out: indices"),
