@@ -154,7 +154,8 @@ def choose(args, config, work) -> Chosen:
 
 def pays(verdict, method):
     """Whether verdict.json says that a method's alignment paid; logged where not."""
-    gains = json_files.read(verdict, {"gains": list})["gains"]
+    kinds = {"gains": [{"method": str, "pays": bool}]}
+    gains = json_files.read(verdict, kinds)["gains"]
     if any(gain["method"] == method and gain["pays"] for gain in gains):
         return True
     log.warning("%s: all goes out as given", readme.DID_NOT_PAY.format(method=method))
@@ -163,14 +164,16 @@ def pays(verdict, method):
 
 def is_accepted(scene):
     """Whether held-out matches have accepted adjusted cameras, by its poses.json."""
-    poses = json_files.read(Path(scene) / "poses.json")
-    return prepared.adjustment_of(poses).get("accepted") is True
+    told = prepared.adjustment_of(prepared.read_poses(scene, prepared.MORE))
+    return prepared.is_accepted(told)
 
 
 def is_synthetic(scene):
     """Whether a scene is one of NeRF's synthetic ones, as its poses.json says."""
     report = Path(scene) / "poses.json"
-    return report.is_file() and json_files.read(report).get("source") == "blender"
+    if not report.is_file():
+        return False
+    return prepared.read_poses(scene, prepared.MORE).get("source") == "blender"
 
 
 def write_others(folder, arrays, chosen: Chosen, masked, scene):

@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 
 from alignerf.experiment import decisions
-from alignerf.io import archives, atomic, faults, json_files
+from alignerf.io import archives, atomic, faults
 from alignerf.metrics import image as image_metrics
 from alignerf.scenes import cameras, prepared
 
@@ -186,7 +186,7 @@ def pose_facts(path):
     )
     if not path.is_file():
         return empty
-    report = json_files.read(path, prepared.POSES)
+    report = prepared.read_poses(path.parent)
     error_px = report["mean_reprojection_error_px"]
     if error_px is not None:
         error_px = round(error_px * report["width"] / report["photo_width"], 4)

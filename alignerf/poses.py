@@ -15,7 +15,7 @@ import numpy as np
 from alignerf.captures import base
 from alignerf.experiment import jobs
 from alignerf.experiment.checks import scenes as of_scenes
-from alignerf.io import atomic, faults, json_files, owned
+from alignerf.io import atomic, faults, owned
 from alignerf.scenes import (
     cameras,
     held_out,
@@ -117,7 +117,7 @@ def of_crops(config, out, whole, cameras, places):
     """Make a scene of crops of another one, whose photos and cameras it has."""
     started = time.monotonic()
     originals.check(whole)
-    told = json_files.read(whole / "poses.json", prepared.POSES)
+    told = prepared.read_poses(whole)
     least = config["min_train_views"] + 1
     with atomic.scratch_folder(out) as scratch:
         views = loading.read(config, whole, scratch, cameras)
@@ -140,7 +140,9 @@ def of_crops(config, out, whole, cameras, places):
             photos = [name.rpartition("_w")[0] for name in cut.names]
             named = zip(cut.names, photos, strict=True)
             told["quarter_turns"] = {n: turns[p] for n, p in named if p in turns}
-        perturb_px = told.get("perturb_px", 0.0) * told["photo_width"] / told["width"]
+        perturb_px = (
+            (told.get("perturb_px") or 0.0) * told["photo_width"] / told["width"]
+        )
         prepare.write_views(scratch / "new", cut, split=cut.split)
         told |= {"photo_size": [views.width, views.height]}
         told |= describe_views(cut, crops.size_of(cut), cut.split, config)

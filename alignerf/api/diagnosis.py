@@ -35,6 +35,7 @@ from alignerf.io import (
 )
 from alignerf.scenes import photos
 from alignerf.scenes.external import views
+from alignerf.verdict import kinds
 
 # From OpenCV's axes to OpenGL's, and back.
 FLIP = np.diag([1.0, -1.0, -1.0, 1.0])
@@ -305,7 +306,8 @@ def run(work: Path, command: str, *words: str, cores: int | None) -> None:
 def report_of(work: Path, paths: Mapping[str, Path], cores: int | None) -> Report:
     """The `Report` of results in a folder."""
     at = work / layout.Scene(NAME)
-    found = json_files.read(at / "verdict.json")
+    keys = kinds.VERDICT | {"findings": [{"cause": str}]}
+    found = json_files.read(at / "verdict.json", keys)
     named = [finding["cause"] for finding in found["findings"]]
     sentences = dict(zip(named, found["because"], strict=False))
     causes = [
@@ -318,7 +320,7 @@ def report_of(work: Path, paths: Mapping[str, Path], cores: int | None) -> Repor
         )
         for one in found["causes"]
     ]
-    accepted = (found["evidence"]["matches"] or {}).get("accepted")
+    accepted = (found["evidence"].get("matches") or {}).get("accepted")
     fixed = (*POSES, *LENS) if accepted else POSES
     wrong = any(one.name in fixed and one.level in NAMED for one in causes)
     corrected = wrong and "cameras" in paths

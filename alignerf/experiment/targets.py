@@ -127,6 +127,12 @@ def export_command(configs):
     return shlex.join([*words, "--configfile", *map(str, paths)])
 
 
+# What a verdict.json holds that is read here; that of an earlier version has less.
+PAIRS = json_files.OrNone({"stops": json_files.OrNone(bool)})
+VERDICT = {"verdict": [str], "evidence": json_files.OrNone({"pairs": PAIRS})}
+CAUSES = {"causes": json_files.OrNone([{"cause": str, "level": str}])}
+
+
 def verdicts(scenes, export="", results="results"):
     """Lines of the verdicts that are there, a scene's name before them.
 
@@ -136,10 +142,10 @@ def verdicts(scenes, export="", results="results"):
     for scene in scenes:
         path = Path(results) / scene / "verdict.json"
         if path.is_file():
-            found = json_files.read(path, {"verdict": list})
+            found = json_files.read(path, VERDICT)
             said = [f"  {faults.one_line(line)}" for line in found["verdict"]]
             lines += ["", scene, *said]
-            pairs = found.get("evidence", {}).get("pairs", {})
+            pairs = (found.get("evidence") or {}).get("pairs") or {}
             useful |= not pairs.get("stops")
             if Path(page_of(scene, results)).is_file():
                 lines.append(f"  Page: {page_of(scene, results)}")
@@ -283,12 +289,8 @@ def of_judged(scene):
     path = Path(layout.Scene(scene).verdict)
     if not path.is_file():
         return ("cameras", "photos")
-    told = json_files.read(path).get("causes")
-    named = {
-        one.get("cause")
-        for one in (told if isinstance(told, list) else ())
-        if isinstance(one, dict) and one.get("level") in ("faulty", "likely")
-    }
+    told = json_files.read(path, CAUSES).get("causes") or []
+    named = {one["cause"] for one in told if one["level"] in ("faulty", "likely")}
     return ("cameras", "photos") if "motion" in named else ("cameras",)
 
 

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from alignerf.exports import formats
-from alignerf.io import faults, json_files
+from alignerf.io import faults
 from alignerf.scenes import prepared
 
 TEXT = """\
@@ -114,7 +114,7 @@ def text(folder, args, arrays, chosen, of_points, *, paid):
     `alignerf.export.Chosen`. of_points: how the points came about.
     """
     report = Path(args.scene) / "poses.json"
-    poses = json_files.read(report) if report.is_file() else {}
+    poses = prepared.read_poses(args.scene, prepared.MORE) if report.is_file() else {}
     source = poses.get("source")
     if poses.get("poses") == "colmap" and source != "courtyard":
         source = "photos"
@@ -135,7 +135,7 @@ def text(folder, args, arrays, chosen, of_points, *, paid):
         test=len(test),
         test_names=", ".join(test) or "none",
         size=of_size(args.scene, chosen, poses),
-        left_out=of_left_out([str(name) for name in poses.get("left_out") or []]),
+        left_out=of_left_out(poses.get("left_out") or []),
         cameras=of_cameras(args, chosen, poses, paid=paid),
         held_out=of_held_out(chosen),
         frame=FRAMES.get(source, "that of the files that they came in"),

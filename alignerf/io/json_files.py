@@ -1,5 +1,6 @@
 """Reading JSON of ours: whatever is wrong with a file is a ValueError that names it."""
 
+import dataclasses
 import json
 
 from alignerf.io import faults
@@ -11,6 +12,33 @@ NUMBER = (int, float)
 NUMBER_OR_NONE = (int, float, type(None))
 
 
+@dataclasses.dataclass(frozen=True)
+class OrNone:
+    """The kind of a value that may be null, or not be there."""
+
+    kind: object
+
+    def __call__(self, value):
+        return type(None) if value is None else self.kind
+
+
+def positive(value):
+    """The kind of a number above 0."""
+    return NUMBER if isinstance(value, NUMBER) and value > 0 else ()
+
+
+def one_of(*values):
+    """The kind of a value that is one of these."""
+    return lambda value: type(value) if value in values else ()
+
+
+def list_of(count, kind):
+    """The kind of a list of so many."""
+    return lambda value: (
+        [kind] if isinstance(value, list) and len(value) == count else ()
+    )
+
+
 def canonical(value):
     """Text of a value: equal values are equal text."""
     return json.dumps(value, sort_keys=True)
@@ -19,9 +47,10 @@ def canonical(value):
 def read(path, kinds=None):
     """The object in a file.
 
-    kinds: {key: its type, or several} of keys that it must have; numbers among them are
-    finite, and lists have at most MAX_ENTRIES. Raises ValueError naming the file, and
-    the key, for anything else.
+    kinds: {key: its kind} of keys that it must have. A kind is a type, or several; of
+    an object its own kinds; of a list, in a list, that of its entries; or a function
+    from the value to its kind. Numbers are finite, and lists have at most MAX_ENTRIES.
+    Raises ValueError naming the file, and the key, for anything else.
     """
     return _read(path, lambda content: check(content, kinds or {}))
 
@@ -53,20 +82,38 @@ def _read(path, check_it):
     return content
 
 
-def check(content, kinds):
-    """ValueError where the content is no object, or a key not of its kind."""
+def check(content, kinds, where=""):
+    """ValueError where the content is no object, or a key not of its kind.
+
+    where: of the object in the file, as `causes[0]`.
+    """
+    at = f"{where}: " if where else ""
     if not isinstance(content, dict):
-        raise ValueError("not an object")
+        raise ValueError(f"{at}not an object")
     for key, kind in kinds.items():
-        if key not in content:
-            raise ValueError(f"no {key} in it")
-        value = content[key]
-        # Python calls True a number.
-        is_truth = isinstance(value, bool) and kind is not bool
-        if is_truth or not isinstance(value, kind):
-            raise ValueError(f"{key} is {faults.shown(value)}")
-        if isinstance(value, list) and len(value) > MAX_ENTRIES:
-            raise ValueError(f"{key}: {len(value):,} entries, over {MAX_ENTRIES:,}")
-        # A whole number of 400 digits has no floating one.
-        if isinstance(value, NUMBER) and not abs(value) < LARGEST:
-            raise ValueError(f"{key} is {faults.shown(value)}")
+        if key in content:
+            check_value(content[key], kind, f"{where}.{key}" if where else key)
+        elif not isinstance(kind, OrNone):
+            raise ValueError(f"{at}no {key} in it")
+
+
+def check_value(value, kind, where):
+    """ValueError where a value is not of its kind."""
+    while callable(kind) and not isinstance(kind, type):
+        kind = kind(value)
+    if isinstance(kind, dict):
+        check(value, kind, where)
+        return
+    each, kind = (kind, list) if isinstance(kind, list) else ((), kind)
+    # Python calls True a number.
+    is_truth = isinstance(value, bool) and kind is not bool
+    if is_truth or not isinstance(value, kind):
+        raise ValueError(f"{where} is {faults.shown(value)}")
+    if isinstance(value, list) and len(value) > MAX_ENTRIES:
+        raise ValueError(f"{where}: {len(value):,} entries, over {MAX_ENTRIES:,}")
+    # A whole number of 400 digits has no floating one.
+    if isinstance(value, NUMBER) and not abs(value) < LARGEST:
+        raise ValueError(f"{where} is {faults.shown(value)}")
+    for of_entries in each:
+        for i, entry in enumerate(value):
+            check_value(entry, of_entries, f"{where}[{i}]")

@@ -65,7 +65,7 @@ def render(folder, *, rounds, base, others=None, crops=NOTHING, moved=NOTHING[:2
     facts, export = contents.facts(folder), provenance.export_command()
     seen = verdict["evidence"]
     judged = seen.get("judged")
-    alone = judged and (judged["cameras"] == "none" or not seen["train_views"])
+    alone = judged and (judged["cameras"] == "none" or not seen.get("train_views"))
     if seen["pairs"]["stops"] or alone:
         # What is taken from pairs that are none helps nobody.
         export = None

@@ -55,6 +55,8 @@ ENDS = ("difference_low_db", "difference_high_db")
 POSES = prepared.POSES | dict.fromkeys(
     ("test_views", "height", "photo_height"), json_files.NUMBER
 )
+WAY = {"way": json_files.OrNone(str), "held_out": json_files.OrNone(str)}
+POSES |= {"external_renders": json_files.OrNone(WAY)}
 PLAN = dict.fromkeys(
     ("wall_s", "cores", "memory_bytes", "disk_bytes"), json_files.NUMBER
 )
@@ -156,9 +158,7 @@ def origin(folder, export):
 def quarter_turns(folder):
     """{view: quarter turns, clockwise, that make it stand upright}: of poses.json."""
     path = folder / "poses.json"
-    turns = json_files.read(path).get("quarter_turns", {})
-    if not isinstance(turns, dict):
-        raise ValueError(f"{path}: quarter_turns is {faults.shown(turns)}")
+    turns = prepared.read_poses(folder, prepared.MORE).get("quarter_turns") or {}
     for view, count in turns.items():
         if type(count) is not int or not 0 <= count < 4:
             said = f"{faults.shown(view)} is {faults.shown(count)}"
@@ -202,12 +202,8 @@ def downloads(folder):
 
 def facts(folder):
     """(name, text) of the scene's main facts: photos, size, poses."""
-    poses = json_files.read(folder / "poses.json", POSES)
+    poses = prepared.read_poses(folder, POSES)
     if judged := poses.get("external_renders"):
-        if not isinstance(judged, dict) or not isinstance(judged.get("way"), str):
-            raise ValueError(
-                f"{folder / 'poses.json'}: judged is {faults.shown(judged)}"
-            )
         return facts_of_judged(poses, judged)
     entries = [
         ("photos", f"{poses['registered']} of {poses['total']} registered"),
@@ -247,7 +243,7 @@ def decisions(folder):
     if not (folder / "decisions.json").is_file():
         return [], False
     open_keys = left_open(folder / "config.yaml")
-    if json_files.read(folder / "poses.json").get("downscale_decided"):
+    if prepared.read_poses(folder, prepared.MORE).get("downscale_decided"):
         open_keys.add("downscale")
     rows = [
         decision._asdict() | {"taken": key.rpartition(".")[2] in open_keys}

@@ -10,7 +10,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from alignerf.io import archives, csv_files, faults, images, json_files, machine
+from alignerf.io import archives, csv_files, faults, images, machine
 from alignerf.metrics import image as image_metrics
 from alignerf.page import contents, pictures
 from alignerf.scenes import prepared
@@ -235,11 +235,7 @@ def sources_of(folder, rounds, others, base, whose=None):
 
 def scale(folder):
     """Pixels of the photo in one of the training's."""
-    path = folder / "poses.json"
-    poses = json_files.read(path, contents.POSES)
-    for key in ("width", "photo_width"):
-        if not poses[key] > 0:
-            raise ValueError(f"{path}: {key} is {faults.shown(poses[key])}")
+    poses = prepared.read_poses(folder)
     return poses["photo_width"] / poses["width"]
 
 

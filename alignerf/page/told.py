@@ -5,14 +5,12 @@ From verdict.json, which holds what `alignerf.verdict.report` tells.
 
 from alignerf import testsets
 from alignerf.io import json_files
-from alignerf.verdict import report
+from alignerf.verdict import kinds, report
 
 # A level's sign, which tells it without colours.
 SIGNS = dict(zip(report.LEVELS, ("\u2715", "!", "\u2713", "?"), strict=True))
 # Of fixes: those that pay, those that harm, others.
 KINDS = {"ok": "\u2713", "faulty": "\u2715", "unclear": "\u2013"}
-# What causes and fixes have here that those of an older verdict.json lack.
-KEYS = {"causes": {"more_is_better", "note", "page"}, "tried": {"notes", "seconds"}}
 # How often the cause of a planted fault is named first: {capture: (right, of)}, by
 # limits fitted on the others; and false causes a verdict (docs/measured/verdicts.csv).
 RIGHT = {
@@ -32,10 +30,7 @@ WIDE_DB = 0.5
 
 def read(folder):
     """What verdict.json holds, its command apart from its text, `gauges`, `fixes`."""
-    path = folder / "verdict.json"
-    found = json_files.read(path, {"causes": list, "do_first": dict, "tried": list})
-    if not all(keys <= {*one} for name, keys in KEYS.items() for one in found[name]):
-        raise ValueError(f"{path}: of another version of this program: run it again")
+    found = json_files.read(folder / "verdict.json", kinds.VERDICT)
     first = found["do_first"] | {"text": report.without_command(found["do_first"])}
     return found | {
         "do_first": first,

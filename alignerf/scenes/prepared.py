@@ -20,10 +20,31 @@ from alignerf.scenes import cameras
 log = logging.getLogger(__name__)
 
 SPLITS = ("train", "test")
-# What every poses.json says; its readers may ask for more.
-POSES = dict.fromkeys(
-    ("width", "photo_width", "registered", "total"), json_files.NUMBER
-) | {"mean_reprojection_error_px": json_files.NUMBER_OR_NONE}
+NUMBER, OrNone = json_files.NUMBER, json_files.OrNone
+# What adjusting says of cameras; of those that held-out matches have accepted, numbers.
+ACCEPTED = {"accepted": bool} | dict.fromkeys(
+    ("before_px", "after_px", "pose_error_px", "worst_px"), NUMBER
+)
+LEFT = {"accepted": OrNone(bool), "keypoints": OrNone(dict)}
+LEFT |= dict.fromkeys(("before_px", "after_px"), OrNone(NUMBER))
+# What some poses.json say, and what each says; its readers may ask for more.
+CHECKED = {"adjustment": OrNone(lambda told: ACCEPTED if is_accepted(told) else LEFT)}
+MORE = {
+    **dict.fromkeys(("poses", "perturb_by", "source", "photos_alone"), OrNone(str)),
+    **dict.fromkeys(("perturb_px", "photo_height", "downscale"), OrNone(NUMBER)),
+    **dict.fromkeys(("keypoints", "external_renders", "quarter_turns"), OrNone(dict)),
+    "points_in_3_views": OrNone(NUMBER),
+    "downscale_decided": OrNone(bool),
+    "left_out": OrNone([str]),
+    "photo_size": OrNone(json_files.list_of(2, json_files.positive)),
+    "camera_check": OrNone(CHECKED),
+}
+POSES = MORE | dict.fromkeys(
+    ("width", "photo_width", "registered", "total"), json_files.positive
+)
+POSES |= {"mean_reprojection_error_px": json_files.NUMBER_OR_NONE}
+# Of a scene of crops, where each was cut.
+CROP = {"points": [json_files.list_of(3, NUMBER)], "px": json_files.positive}
 # What some scenes have besides lies among their images, which go wherever a stage is.
 # Folder of <view>.npz {valid}, of scenes whose photos do not count everywhere.
 MASKS = "images/masks"
@@ -208,6 +229,16 @@ def step_of(places):
         short = places.astype(np.float32)
     largest = np.abs(places if (short != places).any() else short).max()
     return float(np.spacing(largest))
+
+
+def read_poses(folder, kinds=POSES):
+    """The poses.json of a scene; ValueError, naming it, where it is none."""
+    return json_files.read(pathlib.Path(folder) / "poses.json", kinds)
+
+
+def is_accepted(adjustment):
+    """Whether held-out matches have accepted cameras that were adjusted."""
+    return isinstance(adjustment, dict) and adjustment.get("accepted") is True
 
 
 def adjustment_of(poses):

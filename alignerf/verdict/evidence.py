@@ -21,7 +21,19 @@ from alignerf.tables import intervals
 from alignerf.verdict import seen, views
 
 # What it takes from a poses.json, and from a timing.json.
-POSES = prepared.POSES | {"poses": str, "perturb_px": json_files.NUMBER}
+NUMBER, OrNone = json_files.NUMBER, json_files.OrNone
+TEXTS = ("depth", "cameras", "layout", "depth_unit")
+LENS = dict.fromkeys(Lens._fields, json_files.NUMBER_OR_NONE) | {"changed": [str]}
+LENSES = {"lens": OrNone(dict.fromkeys(("given", "adjusted"), OrNone(LENS)))}
+POSES = prepared.POSES | {
+    "poses": str,
+    "perturb_px": NUMBER,
+    "camera_check": OrNone(prepared.CHECKED | LENSES),
+    "external_renders": OrNone(dict.fromkeys(TEXTS, OrNone(str))),
+}
+LENGTHS = ("flow_train_px", "flow_test_px")
+BEFORE = dict.fromkeys(LENGTHS, OrNone(NUMBER)) | {"photo_px": NUMBER}
+BEFORE |= {"photo_width_px": OrNone(json_files.positive)}
 TIMING = {"rays_seen": json_files.NUMBER_OR_NONE}
 # Poses that came with the photos, as poses.json has them.
 INPUT = ("input", "adjusted")
@@ -120,7 +132,7 @@ def read(scene, base, *, overfit=None, crops=(None, None), before=None):
     verdict.json of a judgement before this one, or None.
     """
     loaded = prepared.load(scene)
-    poses = json_files.read(scene / "poses.json", POSES)
+    poses = prepared.read_poses(scene, POSES)
     rays_seen = json_files.read(base / "timing.json", TIMING)["rays_seen"]
     told = poses.get("external_renders")
     # Another program's black borders may be all of what a photo shows.
@@ -148,7 +160,7 @@ def read(scene, base, *, overfit=None, crops=(None, None), before=None):
     train_views, test_views = (int((loaded.split == s).sum()) for s in prepared.SPLITS)
     photo_px = poses["photo_width"] / poses["width"]
     # Of crops, that of the photos which they are cut from.
-    width_px = float(poses.get("photo_size", [poses["photo_width"]])[0])
+    width_px = float((poses.get("photo_size") or [poses["photo_width"]])[0])
     known = causes.Evidence(
         train_views=train_views,
         test_views=test_views,
@@ -166,7 +178,7 @@ def read(scene, base, *, overfit=None, crops=(None, None), before=None):
         poses_given=poses["poses"] in INPUT,
         perturb_px=float(poses["perturb_px"]),
         # Folders of earlier versions do not say it.
-        perturb_by=poses.get("perturb_by", "rotation"),
+        perturb_by=poses.get("perturb_by") or "rotation",
         crops=read_crops(*crops),
         judged=read_judged(poses, before, width_px),
         matches=of_matches(poses),
@@ -210,23 +222,19 @@ def of_matches(poses):
     return causes.Matches(
         accepted,
         accepted and poses["poses"] == "adjusted",
-        *map(float, (told["before_px"], told["after_px"], *off)),
+        *map(number, (told["before_px"], told.get("after_px"), *off)),
         *(lens_told(lenses.get(name)) for name in ("given", "adjusted")),
     )
 
 
 def lens_told(found):
-    """`sfm.lens.Lens` by what it has told; None of anything else."""
-    if not isinstance(found, dict) or not {*Lens._fields} <= {*found}:
+    """`sfm.lens.Lens` by what it has told, or None."""
+    if not found:
         return None
-    own = {key: found[key] for key in Lens._fields if key != "changed"}
-    known = (*json_files.NUMBER, type(None))
-    changed = found["changed"]
-    if not isinstance(changed, list) or not {*map(type, own.values())} <= {*known}:
-        return None
-    numbers = {key: number(value) for key, value in own.items()}
+    numbers = {key: number(found[key]) for key in Lens._fields if key != "changed"}
     # What is no finite number changes nothing.
-    return Lens(changed if all(map(math.isfinite, numbers.values())) else [], **numbers)
+    is_known = all(map(math.isfinite, numbers.values()))
+    return Lens(found["changed"] if is_known else [], **numbers)
 
 
 def read_judged(poses, before=None, width_px=None):
@@ -248,17 +256,10 @@ def read_before(path, width_px):
 
     The px are of photos `width_px` wide: those of an export may be smaller.
     """
-    found = json_files.read(path, {"evidence": dict})["evidence"]
-    numbers = ("flow_train_px", "flow_test_px", "photo_px", "photo_width_px")
-    for key in numbers:
-        if not isinstance(found.get(key), (*json_files.NUMBER, type(None))):
-            raise ValueError(f"{path}: {key} is no number")
-    if found.get("photo_px") is None:
-        raise ValueError(f"{path}: photo_px is missing")
+    found = json_files.read(path, {"evidence": BEFORE})["evidence"]
     wide = found.get("photo_width_px")
     scale = found["photo_px"] * (width_px / wide if wide and width_px else 1)
-    shifts = (found.get("flow_train_px"), found.get("flow_test_px"))
-    return path.parent.name, *(px and px * scale for px in shifts)
+    return path.parent.name, *(px and px * scale for px in map(found.get, LENGTHS))
 
 
 def read_crops(given, corrected=None):
@@ -271,7 +272,7 @@ def read_crops(given, corrected=None):
         return None
     base = Path(given)
     loaded = prepared.load(base.parents[1])
-    crop = json_files.read(loaded.folder / "poses.json", {"crop": dict})["crop"]
+    crop = prepared.read_poses(loaded.folder, {"crop": prepared.CROP})["crop"]
     pixels = len(loaded.views("train")) * loaded.width * loaded.height
     flows, of_test = (of_photos(base, split, "flow") for split in prepared.SPLITS)
     low, high = interval_of_median(flows)

@@ -62,7 +62,12 @@ def of_table(path, timings, judgements=()):
 
 def cameras_moved(timing):
     """How many cameras a training has moved at one stop at the most; None: unknown."""
-    stops = json_files.read(timing, {}).get("alignments") or []
+    kinds = {
+        "alignments": json_files.OrNone(
+            [{"cameras_moved": json_files.OrNone(json_files.NUMBER)}]
+        )
+    }
+    stops = json_files.read(timing, kinds).get("alignments") or []
     counts = [stop.get("cameras_moved") for stop in stops]
     return max((n for n in counts if n is not None), default=None)
 
@@ -79,7 +84,7 @@ def judgements(scene, paths):
         return {}
     found = matches.load(path)
     own = prepared.read_cameras(Path(scene) / "cameras.npz")
-    poses = json_files.read(Path(scene) / "poses.json", prepared.POSES)
+    poses = prepared.read_poses(scene)
     learnt = found.between(own["split"] == "train")
     photo_px = poses["photo_width"] / found.width
     before = cameras_of(own, found)

@@ -14,7 +14,7 @@ from alignerf.causes import camera, coverage, motion, remedies, shift
 from alignerf.causes.base import amount, length
 from alignerf.io import provenance
 from alignerf.metrics import pairs
-from alignerf.verdict import measured
+from alignerf.verdict import kinds, measured
 
 # Of the terminal: where texts begin, and where they end.
 INDENT, WIDTH = 13, 100
@@ -22,8 +22,7 @@ INDENT, WIDTH = 13, 100
 COMMAND = re.compile(r"`((?:make|snakemake|why-blurry|ns-|python) ?[^`]*)`")
 # From this place among advice on, photos are to be taken.
 MORE_PHOTOS = 8
-# How sure it is that a cause applies.
-LEVELS = FAULTY, LIKELY, OK, UNKNOWN = "faulty", "likely", "ok", "cannot tell"
+LEVELS = FAULTY, LIKELY, OK, UNKNOWN = kinds.LEVELS
 # How a gauge begins whose evidence another cause spoils.
 CANNOT_TELL = "cannot tell, because"
 # Where alignment cannot be told: without crops; with them; with too few of them.

@@ -16,8 +16,7 @@ import numpy as np
 from scipy import spatial
 
 from alignerf.captures import base
-from alignerf.io import json_files
-from alignerf.scenes import cameras, loading, prepare
+from alignerf.scenes import cameras, loading, prepare, prepared
 
 log = logging.getLogger("alignerf.poses")
 
@@ -256,7 +255,7 @@ def placed(views, config, like):
     """(views with their points, places [k, 3], px) of the crops of a whole scene."""
     if like:
         views = views._replace(points=loading.points_of(like))
-        there = json_files.read(like / "poses.json", {"crop": dict})["crop"]
+        there = prepared.read_poses(like, {"crop": prepared.CROP})["crop"]
         return views, np.array(there["points"]), there["px"]
     views = with_focus(views)
     least = config["min_train_views"] + 1

@@ -1,6 +1,5 @@
 """Whatever a scene's results hold, there is a page, or a line that names the file."""
 
-import copy
 import json
 import random
 
@@ -10,12 +9,10 @@ import yaml
 
 from alignerf.page import __main__ as page
 from tests.alignerf.page import conftest as cases
+from tests.damaged_cases import GONE, VALUES, changed, places
 
-GONE = object()
-VALUES = [None, True, 0, -1, 10**12, 10**400, 1.5, float("nan"), float("inf"), "x", ""]
-VALUES += [[], [1], ["x"], {}, {"x": 1}, {"01": 10**12}, {"01": None}, GONE]
 CELLS = ["", "x", "nan", "inf", "-1", "1e300", "1e999", "9" * 400, "True", "2.5", GONE]
-JSONS = ["poses.json", "judged.json", "preflight.json"]
+JSONS = ["poses.json", "judged.json", "preflight.json", "verdict.json"]
 JSONS += ["decisions.json", "config.yaml"]
 # Of each file; the torture tries all.
 CASES = 40
@@ -43,29 +40,6 @@ def quickly(results, render, causes, monkeypatch):
     }
     cases.write_json(results / "poses.json", poses | more)
     return render
-
-
-def places(value, at=()):
-    """The way to each value in a JSON."""
-    yield at
-    inside = value.items() if isinstance(value, dict) else ()
-    inside = enumerate(value) if isinstance(value, list) else inside
-    for key, entry in inside:
-        yield from places(entry, (*at, key))
-
-
-def changed(value, at, new):
-    """A copy with another value in a place, or with none there."""
-    if not at:
-        return new
-    value = part = copy.deepcopy(value)
-    for key in at[:-1]:
-        part = part[key]
-    if new is GONE:
-        del part[at[-1]]
-    else:
-        part[at[-1]] = new
-    return value
 
 
 def damaged_jsons(folder, name):

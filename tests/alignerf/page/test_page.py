@@ -161,15 +161,6 @@ def test_of_rounds_that_gained_most_the_last_is_the_after(render, results, cause
     assert data["after"][0] == "render after round 1"
 
 
-def test_a_verdict_of_another_version_is_named(render, results, causes):
-    path = results / "verdict.json"
-    told = json.loads(path.read_text())
-    del told["causes"][0]["more_is_better"]
-    path.write_text(json.dumps(told))
-    with pytest.raises(ValueError, match=r"verdict\.json: of another version"):
-        render()
-
-
 def test_the_after_is_that_of_the_method_that_gained_most(render, results, causes):
     folders = [results / f"base/round1/{kind}/test" for kind in ("renders", "flow")]
     data = data_of(render(others={"worse": folders, "aligned": folders, "x": folders}))
