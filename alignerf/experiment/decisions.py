@@ -48,6 +48,11 @@ class Decision(NamedTuple):
     facts: dict
 
 
+# As a decisions.json has it.
+DECISION = {"key": str, "reason": str, "facts": dict}
+DECISION |= dict.fromkeys(("default", "value"), json_files.positive)
+
+
 def decide(facts) -> list[Decision]:
     """The decisions on the content of a facts.json.
 
@@ -214,16 +219,8 @@ def one(decisions, name, path):
 
 def read(path):
     """{key: Decision} of a decisions.json; ValueError names a damaged file."""
-    entries = json_files.read(path, {"decisions": list})["decisions"]
-    try:
-        decisions = {entry["key"]: Decision(**entry) for entry in entries}
-        for key, decision in decisions.items():
-            numbers = (decision.default, decision.value)
-            if not isinstance(key, str) or not all(map(known, numbers)):
-                raise ValueError(f"{key}: {decision.value} is no value")
-    except (ValueError, KeyError, TypeError) as error:
-        raise ValueError(f"{path}: not a file of decisions: {error}") from None
-    return decisions
+    entries = json_files.read(path, {"decisions": [DECISION]})["decisions"]
+    return {one["key"]: Decision(*map(one.get, Decision._fields)) for one in entries}
 
 
 def shown(paths, asked):

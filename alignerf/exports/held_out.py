@@ -22,7 +22,10 @@ from flow.warping import files
 log = logging.getLogger("alignerf")
 
 # Of a report of corrections.
-OF_FRAME = {"scale": json_files.NUMBER, "rotation": list, "translation": list}
+VECTOR = json_files.list_of(3, json_files.NUMBER)
+OF_FRAME = {"scale": json_files.positive, "translation": VECTOR}
+OF_FRAME |= {"rotation": json_files.list_of(3, VECTOR)}
+REPORT = {"focal_ratio": json_files.positive, "frame": OF_FRAME}
 
 
 class Frame(NamedTuple):
@@ -38,21 +41,12 @@ class Frame(NamedTuple):
 
 def frame_of(report) -> Frame:
     """The frame by the report of `alignerf.correct_poses`; ValueError naming it."""
-    content = json_files.read(report, {"focal_ratio": json_files.NUMBER, "frame": dict})
-    try:
-        json_files.check(content["frame"], OF_FRAME)
-    except ValueError as error:
-        raise ValueError(f"{report}: frame: {error}") from None
-    scale, *others = (content["frame"][key] for key in OF_FRAME)
-    try:
-        turn, shift = (np.array(one, np.float64) for one in others)
-    except (TypeError, ValueError):
-        turn = shift = np.zeros(())
-    ratio = content["focal_ratio"]
-    known = turn.shape == (3, 3) and shift.shape == (3,) and ratio > 0 and scale > 0
-    if not (known and np.isfinite([*turn.ravel(), *shift, scale, ratio]).all()):
-        raise ValueError(f"{report}: 'frame' is no similarity")
-    return Frame(float(np.log(ratio)), (scale, turn, shift))
+    content = json_files.read(report, REPORT)
+    scale, turn, shift = (
+        np.array(content["frame"][key], np.float64)
+        for key in ("scale", "rotation", "translation")
+    )
+    return Frame(float(np.log(content["focal_ratio"])), (float(scale), turn, shift))
 
 
 def fit(loaded: prepared.Scene, cameras_path, flow, depth, out, frame=None):

@@ -29,7 +29,7 @@ def positive(value):
 
 def one_of(*values):
     """The kind of a value that is one of these."""
-    return lambda value: type(value) if value in values else ()
+    return lambda value: next((type(o) for o in values if o is value or o == value), ())
 
 
 def list_of(count, kind):
@@ -47,10 +47,11 @@ def canonical(value):
 def read(path, kinds=None):
     """The object in a file.
 
-    kinds: {key: its kind} of keys that it must have. A kind is a type, or several; of
-    an object its own kinds; of a list, in a list, that of its entries; or a function
-    from the value to its kind. Numbers are finite, and lists have at most MAX_ENTRIES.
-    Raises ValueError naming the file, and the key, for anything else.
+    kinds: {key: its kind} of keys that it must have, or {str: that of all}. A kind is a
+    type, or several; of an object its own kinds; of a list, in a list, that of its
+    entries; or a function from the value to its kind. Numbers are finite, and lists
+    have at most MAX_ENTRIES. Raises ValueError naming the file, and the key, for
+    anything else.
     """
     return _read(path, lambda content: check(content, kinds or {}))
 
@@ -91,8 +92,12 @@ def check(content, kinds, where=""):
     if not isinstance(content, dict):
         raise ValueError(f"{at}not an object")
     for key, kind in kinds.items():
-        if key in content:
-            check_value(content[key], kind, f"{where}.{key}" if where else key)
+        if key is str:
+            check(content, dict.fromkeys(content, kind), where)
+        elif key in content:
+            check_value(
+                content[key], kind, f"{where}.{faults.name_of(key)}" if where else key
+            )
         elif not isinstance(kind, OrNone):
             raise ValueError(f"{at}no {key} in it")
 

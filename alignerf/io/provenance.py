@@ -14,7 +14,7 @@ import shlex
 import subprocess
 from pathlib import Path
 
-from alignerf.io import faults, json_files, yaml_files
+from alignerf.io import json_files, yaml_files
 
 # Of this program; pyproject.toml takes it from here.
 VERSION = "0.2.0"
@@ -160,12 +160,8 @@ def processor():
 
 def of_training(path):
     """KEYS of a training, None for those that its timing.json lacks."""
-    timing = json_files.read(path)
-    values = {key: timing.get(key) for key in KEYS}
-    for key, value in values.items():
-        if not isinstance(value, str | None):
-            raise ValueError(f"{path}: {key} is {faults.shown(value)} instead of text")
-    return values
+    timing = json_files.read(path, dict.fromkeys(KEYS, json_files.OrNone(str)))
+    return {key: timing.get(key) for key in KEYS}
 
 
 def seeds_of(path, config):

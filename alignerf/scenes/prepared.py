@@ -32,7 +32,9 @@ CHECKED = {"adjustment": OrNone(lambda told: ACCEPTED if is_accepted(told) else 
 MORE = {
     **dict.fromkeys(("poses", "perturb_by", "source", "photos_alone"), OrNone(str)),
     **dict.fromkeys(("perturb_px", "photo_height", "downscale"), OrNone(NUMBER)),
-    **dict.fromkeys(("keypoints", "external_renders", "quarter_turns"), OrNone(dict)),
+    **dict.fromkeys(("keypoints", "external_renders"), OrNone(dict)),
+    # {view: how many, clockwise, make it stand upright}.
+    "quarter_turns": OrNone({str: json_files.one_of(0, 1, 2, 3)}),
     "points_in_3_views": OrNone(NUMBER),
     "downscale_decided": OrNone(bool),
     "left_out": OrNone([str]),

@@ -106,5 +106,5 @@ def test_quarter_turns_are_0_to_3(results, quickly, count):
     (path,) = results.glob("poses.json")
     content = json.loads(path.read_text())
     cases.write_json(path, content | {"quarter_turns": {"01": count}})
-    with pytest.raises(ValueError, match=r"poses\.json: quarter_turns of '01' is"):
+    with pytest.raises(ValueError, match=r"poses\.json: .*quarter_turns\.01 is"):
         quickly()
