@@ -3,6 +3,7 @@
 import contextlib
 import hashlib
 import http.client
+import os
 import ssl
 import urllib.error
 import urllib.request
@@ -52,9 +53,14 @@ def check(path, published):
 def fetch(published, folder):
     """Path of a published file in a folder, fetched as far as it is not there yet.
 
-    Raises ValueError where the server, or the way to it, fails; what has come stays.
+    A file of its name is a user's. What is fetched is called NAME.fetched, which its
+    caller may remove. Raises ValueError where the server, or the way to it, fails; what
+    has come stays.
     """
     path = Path(folder) / published.name
+    if os.path.lexists(path):
+        return path
+    path = path.with_name(f"{path.name}.fetched")
     done = path.stat().st_size if path.exists() else 0
     if done and done >= published.size:
         return path
@@ -76,7 +82,8 @@ def write(answer, path, done, published):
     A block more than there should be is enough to know.
     """
     blocks = -(-published.size // BLOCK_BYTES)
-    shown = progress.Progress(path.name, blocks, done=done // BLOCK_BYTES, unit="MB")
+    begun = done // BLOCK_BYTES
+    shown = progress.Progress(published.name, blocks, done=begun, unit="MB")
     with (
         contextlib.closing(shown),
         atomic.naming(path),

@@ -1,7 +1,8 @@
 """A scene of mip-NeRF 360, fetched: `python -m alignerf.scenes.download 360_v2/garden`.
 
-Its archive is fetched beside the scene's folder (12 or 4 GB), is taken where it lies
-there already, and is gone once all its scenes are there. A stopped download goes on.
+Its archive (12 or 4 GB) is fetched beside the scene's folder, as NAME.fetched, and is
+gone once all its scenes are there. One that a user has put there is taken, and stays. A
+stopped download goes on.
 """
 
 import argparse
@@ -51,15 +52,14 @@ def bring(scene, published):
     """Fetch the archive of a scene and unpack it."""
     folder = scene.parent
     folder.mkdir(parents=True, exist_ok=True)
-    path = folder / published.name
     try:
-        downloads.fetch(published, folder)
+        path = downloads.fetch(published, folder)
     except ValueError as error:
         raise ValueError(
             f"{error}: the same command goes on from there; or fetch it by other means "
-            f"and put it to {path}, or the scene to {scene}"
+            f"and put it to {folder / published.name}, or the scene to {scene}"
         ) from None
-    noted = path.with_name(f"{path.name}.sha256")
+    noted = folder / f"{published.name}.sha256"
     if published.hash is None and noted.is_file():
         wanted = faults.text(noted, MAX_NOTE).strip()
         published = published._replace(hash=wanted, kind="sha256")
@@ -74,7 +74,8 @@ def bring(scene, published):
         with atomic.replace_file(noted) as note, faults.opened(path) as archive:
             note.write_text(hashlib.file_digest(archive, "sha256").hexdigest() + "\n")
     others = fetched.ARCHIVES[published.name]
-    if all(os.path.lexists(folder / name) for name in others):
+    is_theirs = path.name == published.name
+    if not is_theirs and all(os.path.lexists(folder / name) for name in others):
         path.unlink()
 
 

@@ -87,7 +87,7 @@ def test_scenes_are_fetched_and_the_archive_goes(bucket, tmp_path, capsys):
 
 def test_a_stopped_download_goes_on(bucket, tmp_path):
     content, asked = bucket({"bicycle/a": bytes(range(256)) * 99})
-    (tmp_path / "360_v2.zip").write_bytes(content[:1000])
+    (tmp_path / "360_v2.zip.fetched").write_bytes(content[:1000])
     download.main([str(tmp_path / "bicycle")])
     assert asked == ["bytes=1000-"]
     assert (tmp_path / "bicycle/a").read_bytes() == bytes(range(256)) * 99
@@ -110,6 +110,13 @@ def test_an_archive_by_other_means_is_taken(bucket, tmp_path, monkeypatch):
     (tmp_path / "360_v2.zip").write_bytes(content)
     download.main([str(tmp_path / "bicycle")])
     assert (tmp_path / "bicycle/a").read_bytes() == b"a"
+    # A user's own archive stays as it is, also where it is another, or half of it.
+    assert (tmp_path / "360_v2.zip").read_bytes() == content
+    (tmp_path / "360_v2.zip").write_bytes(content[:-9])
+    shutil.rmtree(tmp_path / "bicycle")
+    with pytest.raises(ValueError, match="delete it"):
+        download.main([str(tmp_path / "bicycle")])
+    assert (tmp_path / "360_v2.zip").read_bytes() == content[:-9]
 
 
 @pytest.mark.parametrize(
@@ -124,7 +131,8 @@ def test_a_wrong_archive_makes_nothing(bucket, tmp_path, files, change, reason):
     out = tmp_path / "360_v2"
     with pytest.raises(ValueError, match=reason):
         download.main([str(out / "bicycle")])
-    assert [path.name for path in tmp_path.rglob("*")] == ["360_v2", "360_v2.zip"]
+    left = [path.name for path in tmp_path.rglob("*")]
+    assert left == ["360_v2", "360_v2.zip.fetched"]
 
 
 def test_nothing_is_unpacked_outside(bucket, tmp_path):
@@ -200,7 +208,7 @@ def test_the_archive_stays_for_scenes_that_are_missing(bucket, tmp_path, monkeyp
     monkeypatch.setitem(fetched.ARCHIVES, "360_v2.zip", ("bicycle", "garden"))
     for name, left in (("bicycle", True), ("garden", False)):
         download.main([str(tmp_path / name)])
-        assert (tmp_path / "360_v2.zip").exists() == left
+        assert (tmp_path / "360_v2.zip.fetched").exists() == left
     with pytest.raises(ValueError, match="oak is no scene of mip-NeRF 360"):
         download.main([str(tmp_path / "oak")])
 
