@@ -42,7 +42,8 @@ def main(argv=None):
     chosen = args.only or list(parts.PARTS)
     shares = {name: parts.SHARES[name] for name in chosen}
     limit = clock.Clock(args.minutes, shares)
-    reference = reference_of(args.out / "reference")
+    needed = {*chosen} - parts.ALONE
+    reference = reference_of(args.out / "reference") if needed else None
     with atomic.scratch_folder(args.out) as args.work:
         return attack(reference, args, limit, shares)
 

@@ -26,7 +26,7 @@ scenes:
     poses: truth
     test_every: 4
     perturb_px: 0.5
-    courtyard: { views: 10, width: 48, height: 36, supersample: 1, lens_sigma_px: 0.0 }
+    courtyard: { views: 10, width: 64, height: 48, supersample: 1, lens_sigma_px: 0.0 }
 models:
   base:
     samples: [16, 8]

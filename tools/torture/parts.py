@@ -344,6 +344,8 @@ PARTS = {
     "kills": of_kills,
     "machines": of_machines,
 }
+# What needs no finished chain.
+ALONE = {"numbers", "configs", "names", "trees", "surfaces"}
 # Minutes of each of 20, on two cores. `stages` and `kills` start most processes; what
 # runs in this process tries a thousand a minute. `machines` takes what it takes, and
 # comes last.
