@@ -46,6 +46,8 @@ class Record3d(posed.App):
 
         folder = scene["path"]
         frames, path = chosen(folder), first_of(folder, METADATA)
+        if path is None:
+            raise ValueError(f"{folder}: no metadata.json: it has Record3D's poses")
         content = json_files.read(path, {"poses": list})
         poses, size = content["poses"], size_of(path, content)
         left_out = [name_of(number) for number in frames if number >= len(poses)]

@@ -1,5 +1,6 @@
 """Reading tables of ours: whatever is wrong with one is a ValueError that names it."""
 
+import csv
 import io
 import re
 
@@ -34,8 +35,11 @@ def read(path, *, columns=(), sep=","):
         raise ValueError("no table is given")
     text = faults.text(path)
     try:
-        if len(text.splitlines()) < 2:
+        lengths = [len(row) for row in csv.reader(io.StringIO(text), delimiter=sep)]
+        if len(lengths := [one for one in lengths if one]) < 2:
             raise ValueError("no row")
+        if len({*lengths}) > 1:
+            raise ValueError("rows of different lengths")
         options = {"dtype": TEXTS, "keep_default_na": False, "na_values": [""]}
         table = pd.read_csv(io.StringIO(text), sep=sep, **options)
         if missing := set(columns) - set(table):
@@ -44,7 +48,7 @@ def read(path, *, columns=(), sep=","):
             if table[name].dtype.kind not in "fiu" or np.isinf(table[name]).any():
                 raise ValueError(f"column {name}: not numbers")
     # The parser's own errors are such, too.
-    except ValueError as error:
+    except (ValueError, csv.Error) as error:
         raise ValueError(f"{path}: not the table that it should be: {error}") from None
     return table
 

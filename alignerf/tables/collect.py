@@ -67,6 +67,8 @@ def scores_of(rows):
 def views_of(path):
     """Scores by view, test set and metric; an empty one could not be had."""
     table = csv_files.read(path, columns=("view", "test_set", "psnr_db"))
+    if (twice := table.duplicated(["view", "test_set"])).any():
+        raise ValueError(f"{path}: {table['view'][twice].iloc[0]!r} stands twice")
     metrics = [name for name in columns.METRICS if name in table]
     return long(table, metrics)
 

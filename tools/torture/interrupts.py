@@ -144,9 +144,8 @@ def trainings(reference, folder, kind, kills, rng, until=math.inf):
             return [f"{name}: exit {code}"], done, within
         timing = json.loads((folder / name / "timing.json").read_text())
         made[name] = {
-            "model": (folder / name / "model").read_bytes(),
             "final numbers": timing["final"],
-            "optimized poses": stages.content(folder / name, "learnt"),
+            "model or poses": stages.content(folder / name, "learnt"),
         }
     killed, once = made.values()
     found = [f"another {what}" for what in once if once[what] != killed[what]]

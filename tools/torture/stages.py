@@ -15,6 +15,7 @@ import sys
 from pathlib import Path
 from typing import NamedTuple
 
+from alignerf.io import owned
 from tools.torture import damage, running
 
 INPUT = re.compile(r"results/[\w/.{}-]+")
@@ -162,6 +163,7 @@ def copy_chain(base, place):
 def hidden(folder):
     """Temporary files and folders in it."""
     found = (folder / "results").rglob(".*")
+    found = (one for one in found if one.name != owned.MARK)
     return {str(p.relative_to(folder)) for p in found if ".jax_cache" not in str(p)}
 
 
@@ -229,9 +231,11 @@ def without_times(value):
             for key, entry in value.items()
             if not is_measured(str(key))
         }
+    if isinstance(value, str):
+        return re.sub(r"\b[\d.]+ (s|min)\b", "", value)
     return list(map(without_times, value)) if isinstance(value, list) else value
 
 
 def is_measured(key):
     """Whether a value tells of a process: seconds, minutes, memory."""
-    return key.endswith("_s") or key in ("minutes", "memory_mib")
+    return key.endswith("_s") or key in ("seconds", "minutes", "memory_mib")

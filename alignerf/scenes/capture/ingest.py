@@ -190,15 +190,16 @@ def find_masks(folder, paths, root=None):
     names = [os.path.relpath(path, root or path.parent) for path in paths]
     found = photo_names.match(names, of_photo)
     masks = [folder / of_photo[found[n]] if n in found else None for n in names]
+    others = photo_names.listed(folder, photos.SUFFIXES - {".png"})
     if not any(masks):
-        others = photo_names.listed(folder, photos.SUFFIXES - {".png"})
         why = f": save {faults.name_of(others[0])} as .png" if others else ""
         raise ValueError(f"{folder}: no mask <photo's file name>.png of any photo{why}")
     if bare := [n for n, mask in zip(names, masks, strict=True) if not mask]:
         few = faults.some_names(bare)
         log.warning("%s: no mask of %s: all of it is learnt from", folder, few)
     # What they hide would be learnt from without a word.
-    if strange := sorted(of_photo[one] for one in of_photo.keys() - {*found.values()}):
+    strange = [of_photo[one] for one in of_photo.keys() - {*found.values()}]
+    if strange := sorted([*strange, *others]):
         few = faults.some_names(strange)
         log.warning("%s: the mask of no photo, and left out: %s", folder, few)
     warn_of_inverted(folder, [mask for mask in masks if mask])

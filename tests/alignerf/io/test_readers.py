@@ -35,6 +35,8 @@ def test_a_table_is_read_with_its_names_as_text(tmp_path):
         ("view,psnr_db,note\n", "no row"),
         ("view,ssim\na,1\n", "no column psnr_db"),
         (GOOD + "b,x,\n", "column psnr_db: not numbers"),
+        (GOOD + "b,1\n", "rows of different lengths"),
+        (GOOD + "b,1,x,2\n", "rows of different lengths"),
         (GOOD + "b,inf,\n", "column psnr_db: not numbers"),
         (GOOD + 'b,1,"open', "EOF inside string"),
         (b"view,psnr_db\n\xe4,1\n", "utf-8"),

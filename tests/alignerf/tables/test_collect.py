@@ -54,6 +54,14 @@ def test_what_is_written_is_read_to_the_last_bit(scene, rng):
     assert head == ",".join(columns.names("trainings"))
 
 
+def test_a_view_that_stands_twice_is_named(scene):
+    row = table_cases.written(scene, DB)
+    table = pd.read_csv(row.files["scores"])
+    pd.concat([table, table[:1]]).to_csv(row.files["scores"], index=False)
+    with pytest.raises(ValueError, match=r"metrics\.csv: .* stands twice"):
+        table_cases.collect(scene, [row])
+
+
 def test_seconds_are_told_apart_and_whole_numbers_stay_whole(scene):
     row = table_cases.written(scene, DB)
     given = row._replace(folder="given/round0", method="given", way=[])

@@ -131,6 +131,13 @@ def test_an_unpacked_r3d_is_read_too(tmp_path, given):
     )
 
 
+def test_record3d_without_its_poses_is_named(tmp_path, given):
+    cases.record3d(tmp_path, given)
+    (tmp_path / "metadata.json").unlink()
+    with pytest.raises(ValueError, match=r"no metadata\.json"):
+        read("record3d", tmp_path)
+
+
 def test_of_a_long_film_some_frames_are_taken_by_their_number(
     tmp_path, rng, monkeypatch
 ):
