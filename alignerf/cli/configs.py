@@ -170,7 +170,9 @@ def say_where(path, config, folder, *, by="photos"):
     """
     check_there(path, config, by)
     if path.exists() and not is_untouched(path):
-        if differing := sorted(kept(config, read(path))):
+        there = read(path)
+        check.checked(copy.deepcopy(there), [path])
+        if differing := sorted(kept(config, there)):
             log.warning("%s: you edited it: its %s is kept", path, ", ".join(differing))
         print(f"config: {path}, as you edited it")
         return
