@@ -133,7 +133,11 @@ def at(file, header, name, first, count):
 
 def text_rows(file, count, dtype):
     """The next rows of a text."""
-    words = b"".join(itertools.islice(file, count)).split()
+    text = b"".join(itertools.islice(file, count))
+    words = text.split()
+    # Python would read it, as 10.
+    if b"_" in text:
+        raise ValueError("1_0 and the like are no numbers")
     if len(words) != count * len(dtype):
         raise ValueError(f"{len(words)} numbers where {count * len(dtype)} should be")
     numbers = np.array(words, np.float64).reshape(count, len(dtype))

@@ -133,6 +133,19 @@ def test_a_run_beside_another_changes_nothing(here, main, words):
         pass
 
 
+def test_checkouts_that_share_results_share_their_locks(here, monkeypatch):
+    (here / "other").mkdir()
+    (here / "results").mkdir()
+    (here / "other/results").symlink_to(here / "results")
+    with results.held("mine"):
+        monkeypatch.chdir(here / "other")
+        with (
+            pytest.raises(ValueError, match="results/mine: another run is at work"),
+            results.held("mine"),
+        ):
+            pass
+
+
 @pytest.mark.parametrize("main", [photos, judge, poses])
 def test_a_user_s_folder_in_results_is_left_alone(here, main):
     """Photos there, or others' files under the name of the results."""

@@ -225,9 +225,10 @@ def test_a_file_that_is_cut_off_is_one_line(rng, tmp_path, encoding, share):
         ply.read(path)
 
 
-def test_text_that_is_no_number_is_one_line(rng, tmp_path):
+@pytest.mark.parametrize("word", [b"wo rd", b"1_000"])
+def test_text_that_is_no_number_is_one_line(rng, tmp_path, word):
     path = write(tmp_path / "a.ply", columns(rng, rest=0), encoding="ascii")
-    path.write_bytes(path.read_bytes()[:-5] + b"wo rd")
+    path.write_bytes(path.read_bytes()[:-5] + word)
     with pytest.raises(ValueError, match=r"a\.ply: "):
         ply.read(path)
 
