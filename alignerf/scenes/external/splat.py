@@ -28,8 +28,8 @@ log = logging.getLogger("alignerf")
 
 # Renders are at most so wide or high, as trainers make larger photos smaller.
 LONGEST_PX = 1600
-# The views by which worlds are compared.
-VIEWS = 4
+# The views by which worlds are compared, and by which photos are.
+VIEWS, LOOKED_AT = 4, 12
 # What a .ply may leave open: 3DGS renders what is 0.2 away and more, others from 0.01
 # on. A better fit to the photos by so many dB decides against the first.
 NEARS, CLEARLY_DB = ((rasterize.NEAR, rasterize.MAX_ALPHA), (0.01, 0.999)), 0.02
@@ -59,9 +59,9 @@ def render(
     seen = of_one_shape(
         [View(n, p, cameras.lenses[n], background) for n, p in sorted(views.items())]
     )
-    few = seen[:: max(len(seen) // VIEWS, 1)][:VIEWS]
+    few = some(seen, VIEWS)
     name, world, shows = world_of(path, gaussians, few, cameras)
-    check_shown(path, gaussians, few, seen, world, shows)
+    check_shown(path, gaussians, seen, world, shows)
     longest_px = min(LONGEST_PX, trained_px(path))
     options = options_of(gaussians, few, world, longest_px)
     size = few[0].size(longest_px)
@@ -83,6 +83,12 @@ def render(
         (fresh / TOLD).write_text(json.dumps(told, indent=1) + "\n")
         owned.seal(fresh)
     return told
+
+
+def some(seen, count):
+    """Up to so many of the views, all along them."""
+    places = np.linspace(0, len(seen) - 1, min(count, len(seen)))
+    return [seen[round(place)] for place in places]
 
 
 def is_of(folder, files, background=None):
@@ -179,42 +185,42 @@ def world_of(path, gaussians, few, cameras):
     Raises ValueError where it shows them mirrored.
     """
     known = dict(known_worlds(path, cameras))
-    first = best = max(scored(gaussians, few, known.items()), key=lambda one: one[2])
-    for hand in (1, -1):
-        if best[2] >= likeness.SHOWS:
-            return best
-        tried = (
-            (f"{name}, {words}", turn @ world)
-            for words, turn in right_angles(hand)
-            for name, world in known.items()
-        )
-        best = max(scored(gaussians, few, tried), key=lambda one: one[2])
-    if best[2] >= likeness.SHOWS:
-        raise ValueError(
-            f"{path}: it or the photos are mirrored ({best[0]}): {AS_TRAINED}"
-        )
-    return first
+
+    def best_of(worlds):
+        return max(scored(gaussians, few, worlds), key=lambda one: one[2])
+
+    def turned(hand):
+        for words, turn in right_angles(hand):
+            for name, world in known.items():
+                yield f"{name}, {words}", turn @ world
+
+    first = best = best_of(known.items())
+    if best[2] < likeness.SURE:
+        best = max(first, best_of(turned(1)), key=lambda one: one[2])
+    if best[2] < likeness.SURE:
+        mirrored = best_of(turned(-1))
+        if mirrored[2] > max(best[2], likeness.SHOWS):
+            raise ValueError(
+                f"{path}: it or the photos are mirrored ({mirrored[0]}): {AS_TRAINED}"
+            )
+    return best if best[2] >= likeness.SHOWS else first
 
 
-def check_shown(path, gaussians, few, seen, world, shows):
-    """ValueError where a splat does not show the photos of its cameras, or others.
-
-    few: the views that are looked at, seen: all that have a photo.
-    """
+def check_shown(path, gaussians, seen, world, shows):
+    """ValueError where a splat does not show the photos of its cameras, or others."""
     size, found = likeness.SMALL_PX, {}
     small = {
         one.name: one.photo(size)
         for one in progress.over(seen, "photos", total=len(seen))
     }
-    for one in few:
+    for one in some(seen, LOOKED_AT):
         made = one.render(gaussians, world, size)
-        if what := likeness.instead(made, one.name, small):
-            found[one.name] = what
+        found[one.name] = likeness.instead(made, one.name, small)
     # Few that are swapped are left out by the verdict.
-    if 2 * len(found) > len(few):
-        view, what = next(iter(found.items()))
+    if np.median([nearer for nearer, _ in found.values()]) > likeness.NEARER:
+        view = max(found, key=found.get)
         raise ValueError(
-            f"{path}: from the camera of {view} it shows {what}: {AS_TRAINED}"
+            f"{path}: from the camera of {view} it shows {found[view][1]}: {AS_TRAINED}"
         )
     if shows < likeness.SHOWS:
         raise ValueError(
