@@ -93,12 +93,11 @@ def summary(report):
     told = report["adjustment"]
     if told["accepted"]:
         lens = ", a lens distortion found" * bool(told["distortion"])
-        finer = (told.get("keypoints") or {}).get("said")
         return (
             f"poses off by {told['pose_error_px']:.2f} px of the photo (worst "
             f"{told['worst_px']:.1f}): adjusted; held-out matches "
             f"{told['before_px']:.2f} -> {told['after_px']:.2f} px{lens}"
-        ) + (f"; {finer}" if finer else "")
+        )
     return f"cameras stay as they came: {told['why']}"
 
 

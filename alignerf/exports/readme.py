@@ -170,14 +170,9 @@ def of_cameras(args, chosen, poses, *, paid):
     by_px = ""
     if told.get("accepted"):
         by_px = f"by {told['pose_error_px']:.1f} px of the photo"
-    finer = prepared.keypoints_of(poses).get("accepted") is True
-    by_patches = "; keypoints were aligned by patches" if finer else ""
     if chosen.adjusted:
-        return (
-            f"Cameras are corrected by bundle adjustment, {by_px} in the median"
-            f"{by_patches}."
-        )
-    own, further = f"Cameras are as given{by_patches}", "not corrected"
+        return f"Cameras are corrected by bundle adjustment, {by_px} in the median."
+    own, further = "Cameras are as given", "not corrected"
     if by_px and poses.get("poses") == "adjusted":
         own = f"Cameras were corrected before training, {by_px} in the median"
         further = "and not corrected further"

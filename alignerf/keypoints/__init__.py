@@ -1,1 +1,1 @@
-"""Keypoints of COLMAP's tracks aligned by patches of photos, and cameras by them."""
+"""Cameras of COLMAP's model adjusted by keypoints evenly over each view."""

@@ -1,4 +1,4 @@
-"""Cameras adjusted by aligned keypoints, evenly over each view.
+"""Cameras adjusted by keypoints evenly over each view.
 
 Each cell of a view has one keypoint, of the longest track: what moves, and is full of
 features, then has no more say than its area. Views whose keypoints do not agree are
@@ -11,8 +11,8 @@ import pycolmap
 # Cells across a view's width; each has one keypoint at first, or more where these are
 # few. When all views are near, each has several.
 CELLS, MIN_KEYPOINTS, SEVERAL = 16, 100, 8
-# Loss of keypoints in px, first as in `sfm.bundle`, then as wide as aligned keypoints
-# are scattered: what moves hardly counts.
+# Loss of keypoints in px, first as in `sfm.bundle`, then narrower: what moves
+# hardly counts.
 CAUCHY_PX, FINE_PX, TOLERANCE = 0.25, 0.1, 1e-6
 # A view agrees by its keypoints that are so near; one with a smaller share of them,
 # and so much under the median view's, is placed anew.

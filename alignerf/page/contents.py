@@ -210,8 +210,8 @@ def facts(folder):
     error = poses["mean_reprojection_error_px"]
     if error is not None:
         entries.append(("reprojection error", f"{error:.2f} px of the photo"))
-    if isinstance(said := prepared.keypoints_of(poses).get("said"), str):
-        entries.append(("keypoints", said.removeprefix("keypoints ")))
+    if isinstance(said := prepared.part_of(poses, "again").get("said"), str):
+        entries.append(("adjusted again", said))
     return entries
 
 

@@ -9,7 +9,6 @@ import logging
 from pathlib import Path
 from typing import NamedTuple
 
-import cv2
 import numpy as np
 import pycolmap
 from jaxtyping import Float, UInt8
@@ -46,8 +45,8 @@ class Reconstruction(NamedTuple):
     camera_model: str
     of_colmap: pycolmap.Reconstruction
     """COLMAP's own, of the images that it saw."""
-    keypoints: dict | None = None
-    """What is told of keypoints that were aligned; None where none were to be."""
+    again: dict | None = None
+    """What is told of a second adjustment; None where there was to be none."""
 
     def of_size(self, scale):
         """The reconstruction of photos resized by `scale` [n, 2]: width, height."""
@@ -120,7 +119,7 @@ def pose_folder(
     where,
     background=None,
     masks=None,
-    refine_keypoints=False,
+    adjust_again=False,
 ):
     """Posed, undistorted views of a folder of photos as they were taken.
 
@@ -148,8 +147,8 @@ def pose_folder(
         seed=seed,
         where=where,
     )
-    if refine_keypoints:
-        model = refined(model, taken, seed)
+    if adjust_again:
+        model = adjusted_again(model, taken, seed)
     place = {name: i for i, name in enumerate(taken.names)}
     kept = [place[name] for name in model.names]
     sizes = [taken.sizes[i] for i in kept]
@@ -188,25 +187,21 @@ def pose_folder(
     return views._replace(points=(model.points, model.colours)), model, taken
 
 
-def refined(model: Reconstruction, taken: ingest.Taken, seed) -> Reconstruction:
-    """The model by keypoints that are aligned in the photos at their own size."""
-    place = {name: i for i, name in enumerate(taken.names)}
-    own, photos_of, times = model.of_colmap, {}, []
-    for number, image in own.images.items():
-        i = place[image.name.removesuffix(".png")]
-        photos_of[number] = lambda i=i: cv2.cvtColor(taken.load(i), cv2.COLOR_RGB2GRAY)
-        times.append(max(taken.sizes[i]) / max(taken.copy_sizes[i]))
+def adjusted_again(model: Reconstruction, taken: ingest.Taken, seed) -> Reconstruction:
+    """The model after a second adjustment, where held-out tracks gain by it."""
+    place, own = {name: i for i, name in enumerate(taken.names)}, model.of_colmap
+    at = [place[one.name.removesuffix(".png")] for one in own.images.values()]
+    times = [max(taken.sizes[i]) / max(taken.copy_sizes[i]) for i in at]
     bends = any(lens(c.model.name, c.params)[1].any() for c in own.cameras.values())
-    finer, told = refine.refine(
+    now, told = refine.refine(
         own,
-        photos_of,
         free="lens" if bends else "focal",
         more=("centre",),
         seed=seed,
         photo_px=float(np.median(times)),
     )
     names = [*model.names, *model.left_out]
-    return convert(finer, names, models=model.models)._replace(keypoints=told)
+    return convert(now, names, models=model.models)._replace(again=told)
 
 
 def write_model(model: Reconstruction, folder, sizes, files):

@@ -29,7 +29,7 @@ def by_colmap(folder, scratch, config, *, camera_model="OPENCV", where=None):
         where=where or str(folder),
         background=config["background"],
         masks=config["masks"],
-        refine_keypoints=config["refine_keypoints"],
+        adjust_again=config["adjust_again"],
     )
     least = config["colmap"]["min_registered"]
     check_registered(model, least, where or folder)
@@ -142,7 +142,7 @@ def told_of_points(model):
         "points": len(model.points),
         "points_in_3_views": model.points_in_3_views,
         "reprojection_errors_px": errors_of(model),
-        "keypoints": model.keypoints,
+        "again": model.again,
     }
 
 

@@ -25,14 +25,14 @@ NUMBER, OrNone = json_files.NUMBER, json_files.OrNone
 ACCEPTED = {"accepted": bool} | dict.fromkeys(
     ("before_px", "after_px", "pose_error_px", "worst_px"), NUMBER
 )
-LEFT = {"accepted": OrNone(bool), "keypoints": OrNone(dict)}
+LEFT = {"accepted": OrNone(bool)}
 LEFT |= dict.fromkeys(("before_px", "after_px"), OrNone(NUMBER))
 # What some poses.json say, and what each says; its readers may ask for more.
 CHECKED = {"adjustment": OrNone(lambda told: ACCEPTED if is_accepted(told) else LEFT)}
 MORE = {
     **dict.fromkeys(("poses", "perturb_by", "source", "photos_alone"), OrNone(str)),
     **dict.fromkeys(("perturb_px", "photo_height", "downscale"), OrNone(NUMBER)),
-    **dict.fromkeys(("keypoints", "external_renders"), OrNone(dict)),
+    **dict.fromkeys(("again", "external_renders"), OrNone(dict)),
     # {view: how many, clockwise, make it stand upright}.
     "quarter_turns": OrNone({str: json_files.one_of(0, 1, 2, 3)}),
     "points_in_3_views": OrNone(NUMBER),
@@ -246,11 +246,6 @@ def is_accepted(adjustment):
 def adjustment_of(poses):
     """What a poses.json says of adjusting its cameras; {} where it was not asked."""
     return part_of(part_of(poses, "camera_check"), "adjustment")
-
-
-def keypoints_of(poses):
-    """What a poses.json says of aligning keypoints; {} where they were not."""
-    return part_of(poses, "keypoints") or part_of(adjustment_of(poses), "keypoints")
 
 
 def part_of(content, key):

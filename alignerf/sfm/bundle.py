@@ -123,15 +123,14 @@ def adjust(matches: Matches, given: Cameras, work, *, seed, free="", images=None
     )
 
 
-def finer(found: Adjusted, matches, given: Cameras, photos, *, lens, seed, photo_px):
-    """(`Adjusted` by keypoints that are aligned in photos, what is told of it).
+def again(found: Adjusted, matches, given: Cameras, *, lens, seed, photo_px):
+    """(`Adjusted` a second time, by keypoints evenly over each view; what is told).
 
-    photos: of each view a function that reads it, grey, at its own size. lens: whether
-    the principal point may move too. photo_px: px of the photo in one of the matches.
+    lens: whether the principal point may move too. photo_px: px of the photo in one of
+    the matches.
     """
     model, told = refine.refine(
         found.model,
-        {view + 1: photo for view, photo in enumerate(photos)},
         free=found.free,
         more=("focal",) * (not found.free) + ("centre",) * lens,
         seed=seed,
@@ -143,7 +142,7 @@ def finer(found: Adjusted, matches, given: Cameras, photos, *, lens, seed, photo
         now = in_frame(model, matches, given, cameras_of(model, found.cameras))
     except TooFewError as error:
         return found, refine.refused(told, str(error))
-    return now._replace(placed=found.placed, free=found.free), told
+    return now._replace(placed=found.placed, free=told["refined"]), told
 
 
 def in_frame(model, matches, given, now) -> Adjusted:

@@ -3,13 +3,11 @@
 Lengths in reports are px of the photo.
 """
 
-import functools
 import logging
 import time
 from pathlib import Path
 from typing import NamedTuple
 
-import cv2
 import numpy as np
 import pycolmap
 
@@ -83,12 +81,8 @@ def check(views, work, config, *, adjusts, lens, matched=None) -> Checked:
     report |= stand_out(matched, given, photo_px, where)
     found, told = None, {"accepted": False, "why": "not asked for"}
     if adjusts:
-        photos = None
-        if config["refine_keypoints"]:
-            photos = [functools.partial(grey, photo) for photo in views.photos]
-        found, told = adjust(
-            matched, given, work, seed, photo_px, lens=lens, where=where, photos=photos
-        )
+        options = {"lens": lens, "where": where, "second": config["adjust_again"]}
+        found, told = adjust(matched, given, work, seed, photo_px, **options)
         report["lens"] = {
             name: lens_fit.fit(matched, one, photo_px, seed=seed).told()
             for name, one in (("given", given), ("adjusted", found and found.cameras))
@@ -135,16 +129,10 @@ def stand_out(matched, given, photo_px, where):
     return {"epipolar_of_views_px": known, "stand_out": found}
 
 
-def grey(photo):
-    """A prepare.Photo [h, w] uint8."""
-    return cv2.cvtColor(photo.read(), cv2.COLOR_RGB2GRAY)
-
-
-def adjust(matched, given, work, seed, photo_px, *, lens, where="", photos=None):
+def adjust(matched, given, work, seed, photo_px, *, lens, where="", second=True):
     """(`bundle.Adjusted` or None, what the report says of it).
 
-    photos: of each view a function that reads it, grey, to align keypoints by; None
-    leaves these as they were found.
+    second: whether they are adjusted a second time, by keypoints evenly over each view.
     """
 
     def left(why, more=None):
@@ -175,19 +163,18 @@ def adjust(matched, given, work, seed, photo_px, *, lens, where="", photos=None)
     ]
     if not extents[0] / MAX_SCALE < extents[1] < extents[0] * MAX_SCALE:
         return left("the cameras stand too near to one place", judged.told())
-    keypoints = {}
-    if photos:
+    again = {}
+    if second:
         options = {"lens": lens, "seed": seed, "photo_px": photo_px}
-        finer, keypoints = bundle.finer(found, matched, given, photos, **options)
+        now, again = bundle.again(found, matched, given, **options)
         # Matches as they were found have the last word.
-        again = acceptance.judge(matched, found.cameras, finer.cameras, photo_px)
-        if again.worse:
-            keypoints = refine.refused(keypoints, "held-out matches lose by it")
+        if acceptance.judge(matched, found.cameras, now.cameras, photo_px).worse:
+            again = refine.refused(again, "held-out matches lose by it")
         else:
-            found = finer
+            found = now
             judged = acceptance.judge(matched, given, found.cameras, photo_px)
     told = judged.told() | difference(matched.names, given, found, photo_px)
-    told["keypoints"] = keypoints or None
+    told["again"] = again or None
     log.info(
         "poses were off by %.2f px of the photo (worst view %.1f px): corrected. "
         "Held-out matches %.2f -> %.2f px",

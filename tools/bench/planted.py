@@ -173,7 +173,7 @@ def views_of(names, photos, pixtocams, camtoworlds):
 def config_of(scene):
     from alignerf.experiment.checks import scenes as of_scenes
 
-    keys = {"source": "transforms", "path": str(scene), "refine_keypoints": False}
+    keys = {"source": "transforms", "path": str(scene), "adjust_again": False}
     return of_scenes.checked(keys)
 
 

@@ -22,7 +22,6 @@ from alignerf.training import compose
 from tools.bench import (
     cases,
     deepflow,
-    finer_trainings,
     in_loop,
     in_loop_tables,
     job,
@@ -280,17 +279,6 @@ def test_deepflow_of_the_main_modules_is_opencvs():
     theirs = cv2.optflow.createOptFlow_DeepFlow().calc(*pair, None)
     assert np.median(theirs[..., 0]) == pytest.approx(2, abs=0.2)
     np.testing.assert_allclose(found, theirs, atol=0.01)
-
-
-@pytest.mark.parametrize("method", finer_trainings.METHODS)
-def test_finer_trainings_are_the_workflows(method):
-    text = finer_trainings.job_of(method, 3, 50, 64, None)
-    trained = jobs.parse(json.loads(text))
-    assert (trained.seed, trained.steps, trained.rays_per_step) == (3, 50, 64)
-    own = {"plain": None, "aligned": "align", "learnt": "pose_optimization"}
-    assert trained.own == own[method]
-    decided = finer_trainings.job_of(method, 3, 50, 64, "decisions.json")
-    assert json.loads(decided)["model"]["decided"]
 
 
 def test_gains_are_of_as_many_steps_and_of_as_many_seconds():

@@ -15,9 +15,9 @@ def checked(values):
     config = schema.filled(scene_keys.Scene, values)
     config["poses"] = base.of(config).poses_of(config)
     config["seed"] = config["seed"] or 0
-    if config["refine_keypoints"] is None:
+    if config["adjust_again"] is None:
         # Of the courtyard the error is to be COLMAP's own.
-        config["refine_keypoints"] = not base.of(config).has_truth
+        config["adjust_again"] = not base.of(config).has_truth
     check_scene(config)
     return config
 

@@ -40,6 +40,8 @@ RENAMED = {
     "most_rounds": "max_rounds",
 }
 REMOVED = {
+    "refine_keypoints": ": keypoints are not aligned by patches any more; the second "
+    "adjustment of COLMAP's poses is `adjust_again`",
     "dilation": ": the method `aligned_loss: {}` replaces dilated patches",
     "regimes": ": `snakemake comparison` has its rows, `table4` those of the paper",
 }

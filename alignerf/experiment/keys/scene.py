@@ -100,11 +100,10 @@ class Common(Keys):
         "a mistake in the file of input cameras, which is undone; null: where matches "
         "show one, the run stops and names it; as_stated: there is none",
     )
-    refine_keypoints: bool | None = key(
+    adjust_again: bool | None = key(
         None,
-        "keypoints are refined by patches of the photos at their own size, and "
-        "cameras adjusted again where held-out tracks gain by it; null: true, but "
-        "false for courtyard",
+        "COLMAP's poses, and adjusted ones, are adjusted a second time, by keypoints "
+        "evenly over each view; null: true, but false for courtyard",
     )
     published: str | None = key(
         None, "what papers call the scene: its tables show what they print for it"

@@ -1,8 +1,7 @@
-"""A textured corner of a room, photographed, and COLMAP's model of it."""
+"""The corner of a room, and COLMAP's model of it."""
 
 from types import SimpleNamespace
 
-import cv2
 import numpy as np
 import pycolmap
 
@@ -10,16 +9,6 @@ from alignerf.scenes import cameras, colmap
 from alignerf.sfm import pose_error
 
 WIDTH, HEIGHT, FOCAL_PX = 320, 240, 300.0
-TEXEL = 0.01
-
-
-def texture(rng, side=700):
-    """Grey [side, side] of all frequencies, up to those of two texels."""
-    found = sum(
-        cv2.GaussianBlur(rng.normal(size=(side, side)), (0, 0), s) * s
-        for s in (1.5, 3, 6, 12)
-    )
-    return np.clip(128 + 45 * found / found.std(), 0, 255).astype(np.float32)
 
 
 def poses(count=8):
@@ -38,31 +27,6 @@ def poses(count=8):
     return np.array(turns), np.array(centres)
 
 
-def render(turn, centre, textures, *, scale=1, focal_px=FOCAL_PX, middle=None):
-    """A photo [h, w] uint8 of the planes x, y, z = 0, `scale` times as large."""
-    x, y = np.meshgrid(np.arange(WIDTH * scale), np.arange(HEIGHT * scale))
-    middle = middle or (WIDTH / 2, HEIGHT / 2)
-    x, y = (
-        ((one + 0.5) / scale - mid) / focal_px
-        for one, mid in zip((x, y), middle, strict=True)
-    )
-    ray = np.stack([x, y, np.ones_like(x)], axis=-1) @ turn
-    with np.errstate(divide="ignore"):
-        away = -centre / ray
-    away[(away <= 0) | ~np.isfinite(away)] = np.inf
-    plane = away.argmin(axis=-1)
-    places = centre + away.min(axis=-1, keepdims=True) * ray
-    photo = np.zeros(x.shape, np.float32)
-    for k in range(3):
-        u, v = (
-            np.ascontiguousarray(places[..., (k + i) % 3] / TEXEL, dtype=np.float32)
-            for i in (1, 2)
-        )
-        seen = cv2.remap(textures[k], u, v, cv2.INTER_CUBIC, borderMode=cv2.BORDER_WRAP)
-        photo[plane == k] = seen[plane == k]
-    return np.clip(np.round(photo), 0, 255).astype(np.uint8)
-
-
 def points_on(rng, count):
     """Points [m, 3] on the three planes."""
     xyz = rng.uniform(0.15, 2.2, size=(count, 3))
@@ -70,8 +34,11 @@ def points_on(rng, count):
     return xyz
 
 
-def model_of(turns, centres, xyz, rng, *, noise_px, middle=None):
-    """COLMAP's model: true poses and points, keypoints with noise. Ids from 1."""
+def model_of(turns, centres, xyz, rng, *, noise_px, middle=None, drift=0.0):
+    """COLMAP's model: true poses and points, keypoints with noise. Ids from 1.
+
+    drift [m, 3]: by so much a point moves from view to view.
+    """
     middle = middle or (WIDTH / 2, HEIGHT / 2)
     model = pycolmap.Reconstruction()
     camera = pycolmap.Camera(
@@ -85,7 +52,7 @@ def model_of(turns, centres, xyz, rng, *, noise_px, middle=None):
     seen_by = {k: [] for k in range(len(xyz))}
     for view, (turn, centre) in enumerate(zip(turns, centres, strict=True)):
         image = pycolmap.Image(name=f"v{view:02d}.png", camera_id=1, image_id=view + 1)
-        seen = (xyz - centre) @ turn.T
+        seen = (xyz + drift * view - centre) @ turn.T
         xy = FOCAL_PX * seen[:, :2] / seen[:, 2:] + middle
         inside = ((xy > 12) & (xy < [WIDTH - 12, HEIGHT - 12])).all(axis=1)
         xy += noise_px * rng.normal(size=xy.shape)
@@ -104,13 +71,6 @@ def model_of(turns, centres, xyz, rng, *, noise_px, middle=None):
             model.add_point3D_with_id(k + 1, point)
     model.update_point_3d_errors()
     return model
-
-
-def photos_of(turns, centres, textures, **options):
-    """{image id: a function that reads it}."""
-    each = zip(turns, centres, strict=True)
-    photos = [render(turn, centre, textures, **options) for turn, centre in each]
-    return {view + 1: lambda photo=photo: photo for view, photo in enumerate(photos)}
 
 
 def error_px(model, turns, centres, xyz):

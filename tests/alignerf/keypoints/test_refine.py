@@ -1,64 +1,59 @@
-"""Cameras by aligned keypoints: finer where photos tell, the same where they do not."""
+"""A second adjustment: finer cameras where tracks tell, the same where they do not."""
 
 import json
 
 import numpy as np
+import pycolmap
 import pytest
 
 from alignerf.experiment.checks import scenes as of_scenes
 from alignerf.keypoints import adjustment, refine
 from tests.alignerf.keypoints import made
 
-NOISE_PX = 0.5
-# Median length of the difference of two keypoints, of which one is the reference.
-MOVED_PX = np.sqrt(2) * 1.18 * NOISE_PX
+NOISE_PX = 0.3
 
 
 @pytest.fixture(scope="module")
 def corner():
-    """(rotations, centres, points, textures) of a corner."""
+    """(rotations, centres, points, drift) of a corner; on the floor something moves."""
     rng = np.random.default_rng(0)
-    textures = [made.texture(rng) for _ in range(3)]
-    return *made.poses(), made.points_on(rng, 900), textures
-
-
-@pytest.fixture(scope="module")
-def photos(corner):
-    turns, centres, _, textures = corner
-    return made.photos_of(turns, centres, textures)
+    xyz = made.points_on(rng, 1500)
+    moves = (np.abs(xyz - [1.0, 1.0, 0.0]) < [0.5, 0.5, 1e-6]).all(axis=1)
+    # It has much detail, and so many keypoints.
+    more = rng.uniform([0.5, 0.5, 0.0], [1.5, 1.5, 0.0], size=(900, 3))
+    xyz, moves = np.concatenate([xyz, more]), np.r_[moves, np.ones(len(more), bool)]
+    return *made.poses(), xyz, moves[:, None] * np.array([0.012, -0.008, 0.0])
 
 
 def adjusted_model(corner, seed=1, **options):
-    """A model whose cameras are adjusted by noisy keypoints, as COLMAP's are."""
-    turns, centres, xyz, _ = corner
+    """A model as COLMAP leaves it: by all keypoints, with a wide loss."""
+    turns, centres, xyz, drift = corner
     rng = np.random.default_rng(seed)
-    model = made.model_of(turns, centres, xyz, rng, noise_px=NOISE_PX, **options)
-    adjustment.solve(model, "focal")
+    options = {"noise_px": NOISE_PX, "drift": drift} | options
+    model = made.model_of(turns, centres, xyz, rng, **options)
+    adjustment.run(model, adjustment.options_of("focal", 1.0, "TRIVIAL"))
     model.update_point_3d_errors()
     return model
 
 
 def errors_of(model, corner):
-    turns, centres, xyz, _ = corner
-    return made.error_px(model, turns, centres, xyz)
+    turns, centres, xyz, drift = corner
+    return made.error_px(model, turns, centres, xyz[~drift.any(axis=1)])
 
 
 @pytest.fixture(scope="module")
-def refined(corner, photos):
+def refined(corner):
     model = adjusted_model(corner)
-    return model, *refine.refine(model, photos, free="focal", seed=0)
+    return model, *refine.refine(model, free="focal", seed=0)
 
 
 def test_less_than_half_of_the_error_remains(corner, refined):
     model, finer, told = refined
     before, after = (errors_of(one, corner) for one in (model, finer))
     assert told["accepted"]
-    assert np.median(after) < 0.45 * np.median(before)
+    assert np.median(after) < 0.5 * np.median(before)
     assert (after < before + 0.02).all()
-    assert told["aligned"] > 0.8
-    assert told["moved_px"] == pytest.approx(MOVED_PX, rel=0.2)
-    assert told["reprojection_px"][1] < 0.6 * told["reprojection_px"][0]
-    assert told["held_out_px"][1] < told["held_out_px"][0]
+    assert told["gain"][0] > 2 * told["gain"][1]
 
 
 def test_the_model_given_is_as_it_was(corner, refined):
@@ -70,19 +65,11 @@ def test_the_model_given_is_as_it_was(corner, refined):
         np.testing.assert_array_equal(
             image.cam_from_world().matrix(), own.cam_from_world().matrix()
         )
-        np.testing.assert_array_equal(
-            [p.xy for p in image.points2D], [p.xy for p in own.points2D]
-        )
 
 
-def test_all_tracks_stay_in_the_model(refined):
-    model, finer, _ = refined
-    assert finer.num_points3D() > 0.98 * model.num_points3D()
-
-
-def test_it_is_the_same_on_every_run(corner, photos, refined):
+def test_it_is_the_same_on_every_run(corner, refined):
     _, finer, _ = refined
-    again, _ = refine.refine(adjusted_model(corner), photos, free="focal", seed=0)
+    again, _ = refine.refine(adjusted_model(corner), free="focal", seed=0)
     for number, image in finer.images.items():
         np.testing.assert_array_equal(
             image.cam_from_world().matrix(),
@@ -90,131 +77,87 @@ def test_it_is_the_same_on_every_run(corner, photos, refined):
         )
 
 
-def test_photos_may_be_larger_than_colmaps_copies(corner):
-    turns, centres, _, textures = corner
-    photos = made.photos_of(turns, centres, textures, scale=2)
-    model = adjusted_model(corner)
-    finer, told = refine.refine(model, photos, free="focal", seed=0, photo_px=2.0)
-    assert told["accepted"]
-    # Of the photo, which has twice as many.
-    assert told["moved_px"] == pytest.approx(2 * MOVED_PX, rel=0.2)
-    before, after = (np.median(errors_of(one, corner)) for one in (model, finer))
-    assert after < 0.45 * before
+@pytest.mark.parametrize("seed", [1, 2, 3])
+def test_right_cameras_stay(corner, seed):
+    """Nothing moves: fewer keypoints cost a little, and no lens is freed by chance."""
+    turns, centres, xyz, _ = corner
+    still = (turns, centres, xyz, np.zeros_like(xyz))
+    model = adjusted_model(still, seed)
+    before = errors_of(model, still)
+    now, told = refine.refine(model, free="focal", more=["centre"], seed=seed)
+    assert told["refined"] == "focal"
+    assert np.median(errors_of(now, still)) < np.median(before) + 0.03
 
 
-def test_photos_of_something_else_change_nothing(corner, photos):
-    noise = np.random.default_rng(2).integers(0, 256, (9, 240, 320), np.uint8)
-    strange = {n: lambda n=n: noise[n] for n in photos}
-    model = adjusted_model(corner)
-    same, told = refine.refine(model, strange, free="focal", seed=0)
-    assert same is model
-    assert not told["accepted"]
-    assert "could be aligned" in told["why"]
-
-
-def test_exposure_changes_do_no_harm(corner, photos, refined):
-    def darker(number):
-        photo = photos[number]().astype(float)
-        return np.round(photo * (0.5 + 0.06 * number) + 5 * number).astype(np.uint8)
-
-    changed = {n: lambda n=n: darker(n) for n in photos}
-    finer, told = refine.refine(adjusted_model(corner), changed, free="focal", seed=0)
-    assert told["accepted"]
-    before, after = (np.median(errors_of(one, corner)) for one in (refined[0], finer))
-    assert after < 0.45 * before
-
-
-def test_too_few_tracks_change_nothing(corner, photos):
-    turns, centres, xyz, textures = corner
-    few = (turns, centres, xyz[:60], textures)
-    model = adjusted_model(few)
-    same, told = refine.refine(model, photos, free="focal", seed=0)
+def test_too_few_tracks_change_nothing(corner):
+    turns, centres, xyz, drift = corner
+    model = adjusted_model((turns, centres, xyz[:60], drift[:60]))
+    same, told = refine.refine(model, free="focal", seed=0)
     assert same is model
     assert "too few to judge by" in told["why"]
 
 
 def test_a_principal_point_out_of_the_middle_is_found(corner):
-    turns, centres, xyz, textures = corner
     middle = (made.WIDTH / 2 + 5, made.HEIGHT / 2 - 3)
-    photos = made.photos_of(turns, centres, textures, middle=middle)
-    rng = np.random.default_rng(1)
-    model = made.model_of(turns, centres, xyz, rng, noise_px=NOISE_PX, middle=middle)
+    model = adjusted_model(corner, middle=middle)
     model.cameras[1].params = [made.FOCAL_PX, made.WIDTH / 2, made.HEIGHT / 2]
     adjustment.solve(model, "focal")
-    finer, told = refine.refine(model, photos, free="focal", more=["centre"], seed=0)
+    finer, told = refine.refine(model, free="focal", more=["centre"], seed=0)
     assert told["refined"] == "centre"
-    np.testing.assert_allclose(finer.cameras[1].params[1:], middle, atol=1.0)
+    np.testing.assert_allclose(finer.cameras[1].params[1:], middle, atol=1.5)
     assert model.cameras[1].params[1] == made.WIDTH / 2
 
 
-def test_a_view_without_keypoints_that_align_moves_with_its_neighbour(corner, photos):
-    blind = photos | {3: lambda: np.full((240, 320), 90, np.uint8)}
-    model = adjusted_model(corner)
-    finer, told = refine.refine(model, blind, free="focal", seed=0)
-    assert told["accepted"]
-    assert told["kept"] == ["v02"]
-    before, after = (errors_of(one, corner) for one in (model, finer))
-    assert after[2] < before[2] + 0.25
-    assert np.median(after) < 0.45 * np.median(before)
-
-
-def test_a_lens_that_would_change_much_changes_nothing(corner, photos, monkeypatch):
+def test_a_lens_that_would_change_much_changes_nothing(corner, monkeypatch):
     def wild(model, free, **options):
         model.cameras[1].params = [2 * made.FOCAL_PX, made.WIDTH / 2, made.HEIGHT / 2]
         return []
 
     monkeypatch.setattr(adjustment, "adjust", wild)
     model = adjusted_model(corner)
-    same, told = refine.refine(model, photos, free="focal", seed=0)
+    same, told = refine.refine(model, free="focal", seed=0)
     assert same is model
     assert "lens" in told["why"]
 
 
-def test_what_fails_changes_nothing(corner, photos, monkeypatch):
+def test_what_fails_changes_nothing(corner, monkeypatch):
     def fails(*args, **options):
         raise np.linalg.LinAlgError("singular matrix")
 
     monkeypatch.setattr(adjustment, "adjust", fails)
     model = adjusted_model(corner)
-    same, told = refine.refine(model, photos, free="focal", seed=0)
+    same, told = refine.refine(model, free="focal", seed=0)
     assert same is model
     assert "singular" in told["said"]
 
 
-def test_without_views_to_judge_by_nothing_changes(corner, photos, monkeypatch):
-    monkeypatch.setattr(refine, "MIN_OF_VIEW", 10_000)
+def test_cameras_that_lose_stay(corner, monkeypatch):
+    def worse(model, free, **options):
+        for image in model.images.values():
+            turn = pycolmap.Rotation3d(0.01 * image.image_id * np.array([0, 1.0, 0]))
+            pose = pycolmap.Rigid3d(turn, np.zeros(3)) * image.cam_from_world()
+            image.frame.set_cam_from_world(image.camera_id, pose)
+        return []
+
+    monkeypatch.setattr(adjustment, "adjust", worse)
     model = adjusted_model(corner)
-    same, told = refine.refine(model, photos, free="focal", seed=0)
+    same, told = refine.refine(model, free="focal", seed=0)
     assert same is model
-    assert "0 views" in told["why"]
+    assert "standard errors" in told["why"]
     # JSON knows no NaN.
     json.dumps(told, allow_nan=False)
 
 
-def test_a_view_that_loses_stays_and_does_not_decide_over_all():
-    before = refine.Judged({1: 0.2, 2: 0.2, 3: 0.2, 4: 0.2}, {})
-    error = dict.fromkeys(before.px, 0.01)
-    after = refine.Judged({1: 0.1, 2: 0.1, 3: 0.9, 4: 0.11}, error)
-    gain, sure = after.gain_over(before)
-    assert gain == pytest.approx(0.095)
-    assert sure < 0.02
-    assert [refine.loses(before, after, view) for view in (1, 3, 5)] == [
-        False,
-        True,
-        True,
-    ]
-
-
 @pytest.mark.parametrize(
-    ("scene", "refines"),
+    ("scene", "again"),
     [
         ({"source": "photos", "path": "p"}, True),
         ({"source": "transforms", "path": "p"}, True),
-        ({"source": "photos", "path": "p", "refine_keypoints": False}, False),
+        ({"source": "photos", "path": "p", "adjust_again": False}, False),
         # Its error is to be COLMAP's own.
         ({"source": "courtyard"}, False),
-        ({"source": "courtyard", "refine_keypoints": True}, True),
+        ({"source": "courtyard", "adjust_again": True}, True),
     ],
 )
-def test_it_is_on_unless_a_key_turns_it_off(scene, refines):
-    assert of_scenes.checked(scene)["refine_keypoints"] is refines
+def test_it_is_on_unless_a_key_turns_it_off(scene, again):
+    assert of_scenes.checked(scene)["adjust_again"] is again

@@ -206,9 +206,8 @@ def test_matches_as_they_were_found_have_the_last_word(rng, tmp_path, monkeypatc
         cameras = perturbed(adjusted.cameras, 2.0, rng)
         return adjusted._replace(cameras=cameras), {"accepted": True, "said": "finer"}
 
-    monkeypatch.setattr(bundle, "finer", worse)
-    options = {"lens": True, "photos": [None]}
-    adjusted, told = capture.adjust(found, given, tmp_path, 0, 1.0, **options)
-    assert told["keypoints"]["accepted"] is False
-    assert "lose" in told["keypoints"]["said"]
+    monkeypatch.setattr(bundle, "again", worse)
+    adjusted, told = capture.adjust(found, given, tmp_path, 0, 1.0, lens=True)
+    assert told["again"]["accepted"] is False
+    assert "lose" in told["again"]["said"]
     assert np.median(error_px(true, adjusted.cameras, adjusted)) < 0.6

@@ -58,7 +58,7 @@ POSES = """{
 "camera_check": {
     "adjustment": {
         "accepted": true, "before_px": 2.4, "after_px": 0.2, "worst_px": 8.4,
-        "pose_error_px": 2.9, "keypoints": {"accepted": true}
+        "pose_error_px": 2.9, "again": {"accepted": true}
     },
     "lens": {
         "given": {
