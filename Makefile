@@ -146,5 +146,7 @@ lock:
 		--no-annotate --no-header --generate-hashes \
 		--constraint requirements.lock --output-file requirements-site.lock
 
-clean: $(VENV)/.installed
-	@python -m alignerf.cli.clean
+# Nothing is installed for it.
+clean:
+	@if [ -e $(VENV)/.installed ]; then exec python -m alignerf.cli.clean; \
+	else echo "no packages in $(VENV): type why-blurry clean, where it is installed"; fi
