@@ -67,20 +67,20 @@ def scores_of(rows):
 def views_of(path):
     """Scores by view, test set and metric; an empty one could not be had."""
     table = csv_files.read(path, columns=("view", "test_set", "psnr_db"))
-    if (twice := table.duplicated(["view", "test_set"])).any():
-        raise ValueError(f"{path}: {table['view'][twice].iloc[0]!r} stands twice")
     metrics = [name for name in columns.METRICS if name in table]
-    return long(table, metrics)
+    return long(table, metrics, path)
 
 
 def parts_of(path):
     """Lengths of the flow from render to photo and of its parts, by view."""
     table = csv_files.read(path, columns=("view", *columns.PARTS))
-    return long(table.assign(test_set="standard"), columns.PARTS)
+    return long(table.assign(test_set="standard"), columns.PARTS, path)
 
 
-def long(table, metrics):
-    """A row per view, test set and metric."""
+def long(table, metrics, path):
+    """A row per view, test set and metric; ValueError for one that stands twice."""
+    if (twice := table.duplicated(["view", "test_set"])).any():
+        raise ValueError(f"{path}: {table['view'][twice].iloc[0]!r} stands twice")
     return table.melt(["view", "test_set"], metrics, "metric", "value")
 
 
