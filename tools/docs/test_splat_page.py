@@ -14,7 +14,7 @@ import pycolmap
 import pytest
 
 from alignerf.cli import judge
-from alignerf.scenes.external import lenses, splat
+from alignerf.scenes.external import lenses, likeness, splat
 from alignerf.splats import ply, rasterize
 from tests import judged_cases as cases
 from tests import splat_cases
@@ -62,7 +62,7 @@ def here(tmp_path, monkeypatch):
             *(CAMTOPIX[0, 0], CAMTOPIX[1, 1], *CAMTOPIX[:2, 2]),
             *SIZE,
         )
-        image = splat.to_bytes(rasterize.render(gaussians, at).colour)
+        image = likeness.to_bytes(rasterize.render(gaussians, at).colour)
         cases.write_png(data / name, image)
     write_model(data / "sparse" / "0", cameras)
     return tmp_path
