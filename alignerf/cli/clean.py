@@ -22,6 +22,8 @@ JOBS = (
     *("page", r"evaluate\w*", r"decompose(?:_photos)?_(?:train|test)"),
     *(r"(?:\w+/)?collect", r"(?:\w+/)?\w+_table", "export_(?:cameras|photos)"),
 )
+# Of a training, below results/NAME.
+TRAINING = r"(?:(?:[^/]+/)+round\d+|pretrain/[^/]+)/"
 ENDS = r"csv|tex|provenance\.json"
 
 
@@ -38,15 +40,18 @@ def main(argv=None):
             with results.held(name):
                 for folder in (one for one in marked if one.name == name):
                     tell(folder, owned.remove(folder, is_ours))
-        except ValueError as error:
+        except (ValueError, OSError) as error:
             works = True
             print(f"left: {error}")
     results.remove_empty(Path(layout.SPLATS))
+    # A table of ours has its provenance beside it.
+    ends = ".provenance.json"
+    tables = tuple(one.name.removesuffix(ends) for one in place.glob(f"*{ends}"))
     # These may be what that run writes.
     for path in () if works else [*place.glob("*")]:
         if path.is_symlink():
             continue
-        if path.is_file() and is_shared(path.name):
+        if path.is_file() and is_shared(path.name) and path.name.startswith(tables):
             path.unlink()
         elif path.is_dir() and path.name in results.SHARED:
             inside = functools.partial(is_shared, at=f"{path.name}/")
@@ -86,12 +91,14 @@ OWN = re.compile(
             r"made_by\.json",
             "tables/" + one_of((*targets.tables(known=True), "views"), ENDS),
             "figures/" + one_of(targets.FIGURES, "png"),
-            r"(?:\w+/)?(?:scores|trainings)\.csv",
-            ".+/"
-            + one_of((*below(layout.Training), r"metrics\w*\.csv", r"model\.begun")),
-            r".+/decomposition(?:_photos)?_(?:train|test)\.csv",
-            r".+/checkpoints/(?:lock|\w+\.json|\w+-\d+\.msgpack)",
-            "(?:.+/)?logs/" + one_of(JOBS, "log|tsv"),
+            rf"(?:{one_of(ACROSS)}/)?(?:scores|trainings)\.csv",
+            TRAINING
+            + one_of((*below(layout.Training), r"metrics(?:_aligned_pose)?\.csv")),
+            TRAINING
+            + r"(?:model\.begun|decomposition(?:_photos)?_(?:train|test)\.csv)",
+            TRAINING + r"checkpoints/(?:lock|\w+\.json|\w+-\d+\.msgpack)",
+            rf"(?:{TRAINING}|testset/)?logs/" + one_of(JOBS, "log|tsv"),
+            r"[^/]+/logs/export_(?:cameras|photos)\.(?:log|tsv)",
         )
     )
 )

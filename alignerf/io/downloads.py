@@ -61,6 +61,8 @@ def fetch(published, folder):
     if os.path.lexists(path):
         return path
     path = path.with_name(f"{path.name}.fetched")
+    if path.is_symlink():
+        raise ValueError(f"{path}: a link, and nothing is written through one")
     done = path.stat().st_size if path.exists() else 0
     if done and done >= published.size:
         return path

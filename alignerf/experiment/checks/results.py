@@ -78,18 +78,29 @@ def held(*names, results="results"):
     kept, own = os.environ.get(HELD, "").split(), f"{os.getpid()}:"
     above = {one.partition(":")[2] for one in kept if not one.startswith(own)}
     with contextlib.ExitStack() as stack:
-        for name in sorted({*names} - above):
+        for name in sorted({*names}):
             path = lock_of(name, results).absolute()
+            # Who starts others may be killed before them: they have a second lock.
+            second = path.with_suffix(".jobs")
+            if name in above:
+                path = second
             # Of a run that was refused nothing is left.
             if not path.parent.exists():
                 path.parent.mkdir()
                 stack.callback(remove_empty, path.parent)
             try:
                 stack.enter_context(filelock.FileLock(path, blocking=False))
+                stack.callback(path.unlink, missing_ok=True)
+                if second.exists() and name not in above:
+                    with filelock.FileLock(second, blocking=False):
+                        pass
             except filelock.Timeout:
                 fault = f"{results}/{name}: another run is at work there"
                 raise ValueError(fault) from None
-            stack.callback(path.unlink, missing_ok=True)
+            except OSError as error:
+                raise ValueError(f"{path}: {error.strerror or error}") from None
+            if name in above:
+                continue
             tell_swept(atomic.sweep(path.parent, below=False))
             tell_swept(atomic.sweep(Path(results, name)))
         os.environ[HELD] = " ".join([*kept, *(own + name for name in names)])

@@ -26,7 +26,7 @@ HEAD_BYTES = 2**16
 OTHERS = re.compile(
     r".*\.(csv|nvm|p4[pd]|ps[xz]|rcproj|rsproj|rcinfo|sfm|abc|xml|kml|gpx|bag|out)"
     r"|sfm_data.*\.bin|geo\.txt"
-    r"|.*(camera|pose|traj|extrinsic|intrinsic|calib|arcore|arkit|odometry|gps"
+    r"|.*(camera|pose|traj|ground.?truth|extrinsic|intrinsic|calib|arcore|arkit|odometry|gps"
     r"|gnss|imu|frames|reconstruction).*\.(txt|json|log|npy|npz|ya?ml|tum)",
     re.IGNORECASE,
 )

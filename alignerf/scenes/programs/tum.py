@@ -66,8 +66,10 @@ def times_of(path):
         named = photo_names.match(rows, listed, table)
         return {photo: rows[name] for name, photo in named.items()}
     for photo in listed:
+        stem = PurePosixPath(photo).stem
+        # Whole numbers count frames.
         with contextlib.suppress(ValueError):
-            found[photo] = float(PurePosixPath(photo).stem)
+            found |= {photo: float(stem)} if "." in stem else {}
     return found
 
 

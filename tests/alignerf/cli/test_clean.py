@@ -19,15 +19,22 @@ SEALED = (f"{AT.renders}/test", f"{AT.flow}/train", AT.learnt, SCENE.images)
 SEALED += (SCENE.export("plain", "cameras"), f"{layout.SPLATS}/{{scene}}")
 SINGLE = (SCENE.config, SCENE.cameras, SCENE.verdict, SCENE.page, SCENE.views)
 SINGLE += (SCENE.table("controls", "tex"), SCENE.figure("rounds"), SCENE.scores())
-SINGLE += (SCENE.trainings("comparison/"), AT.timing, f"{AT}/metrics_moved.csv")
+SINGLE += (SCENE.trainings("comparison/"), AT.timing, f"{AT}/metrics_aligned_pose.csv")
 SINGLE += (AT.log("train"), AT.benchmark("decompose_photos_test"), AT.corrected)
 SINGLE += (f"{AT}/checkpoints/state-2000.msgpack", f"{AT}/checkpoints/lock")
-SHARED = ("table1.csv", "table1_effects.csv", "arm.provenance.json", "logs/table1.tsv")
+SHARED = (
+    "table1.csv",
+    "table1.provenance.json",
+    "table1_effects.csv",
+    "arm.provenance.json",
+    "logs/table1.tsv",
+)
 SHARED += ("logs/run-20260101-000000-12.log", ".jax_cache/x/jit_step-1-cache")
 # What people, and programs that they run on an export, put beside it.
 THEIRS = ("notes.txt", "mine.blend", "outputs/model.pt", "view_999.png", "a b\nc.csv")
 THEIRS += ("logs/mine.log", "tables/prices.csv", "checkpoints/mine.msgpack")
 THEIRS += ("prices.csv", "prices.provenance.json", "logs/run-1-mine.log")
+THEIRS += ("gs/metrics.csv", "old/checkpoints/lock", "backup/learnt/model.msgpack")
 
 
 @pytest.fixture

@@ -133,6 +133,22 @@ def test_a_run_beside_another_changes_nothing(here, main, words):
         pass
 
 
+def test_a_child_holds_results_when_its_parent_is_gone(here, monkeypatch):
+    """As Snakemake goes on where `make photos` was killed."""
+    (here / "results").mkdir()
+    monkeypatch.setenv(results.HELD, "999999999:mine")
+    with results.held("mine"):
+        monkeypatch.delenv(results.HELD)
+        with (
+            pytest.raises(ValueError, match="results/mine: another run is at work"),
+            results.held("mine"),
+        ):
+            pass
+    with results.held("mine"):
+        pass
+    assert not list((here / "results").iterdir())
+
+
 def test_checkouts_that_share_results_share_their_locks(here, monkeypatch):
     (here / "other").mkdir()
     (here / "results").mkdir()

@@ -93,6 +93,15 @@ def test_a_stopped_download_goes_on(bucket, tmp_path):
     assert (tmp_path / "bicycle/a").read_bytes() == bytes(range(256)) * 99
 
 
+def test_nothing_is_appended_through_a_link(bucket, tmp_path):
+    bucket({"bicycle/a": b"a"})
+    (tmp_path / "mine").write_bytes(b"mine")
+    (tmp_path / "360_v2.zip.fetched").symlink_to(tmp_path / "mine")
+    with pytest.raises(ValueError, match="fetched: a link"):
+        download.main([str(tmp_path / "bicycle")])
+    assert (tmp_path / "mine").read_bytes() == b"mine"
+
+
 def test_what_is_there_is_left_alone(bucket, tmp_path):
     _, asked = bucket({"bicycle/a": b"theirs"})
     (tmp_path / "bicycle").mkdir()
