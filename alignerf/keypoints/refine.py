@@ -71,20 +71,23 @@ def refined(model, *, free, more=(), seed=0, photo_px=1.0):
     finer = pycolmap.Reconstruction(model)
     with progress.heartbeat("second bundle adjustment"):
         placed = adjustment.adjust(finer, free, without=held, seed=seed)
+        known = losses(judge, finer)
         for one in more:
             further = pycolmap.Reconstruction(finer)
             again = adjustment.adjust(further, one, without=held, seed=seed)
-            pair = losses(judge, finer), losses(judge, further)
-            if asks_for(*pair) and is_sane(further, model):
-                finer, free = further, one
+            better = losses(judge, further)
+            if asks_for(known, better) and is_sane(further, model):
+                finer, known, free = further, better, one
                 placed += again
         own = as_colmap(model, free, held)
         gain, error = gain_over(losses(even, own), losses(even, finer))
+    if not np.isfinite(error):
+        return left("held-out tracks cannot be compared")
     told |= {"refined": free, "gain": [round(gain, 5), round(error, 5)]}
     if not is_sane(finer, model):
         return left("the lens would change by too much")
-    if not gain > -LOSING * error:
-        return left(f"held-out tracks lose, by {-gain / error:.1f} standard errors")
+    if gain < -LOSING * error:
+        return left(f"held-out tracks lose, {LOSING:.0f} standard errors and more")
     now = put_together(model, finer)
     before_px, after_px = (photo_px * median_px(one) for one in (model, now))
     told |= {

@@ -89,6 +89,17 @@ def test_right_cameras_stay(corner, seed):
     assert np.median(errors_of(now, still)) < np.median(before) + 0.03
 
 
+@pytest.mark.parametrize(
+    ("gain", "accepted"), [((0.0, np.inf), False), ((0.0, 0.0), True)]
+)
+def test_tracks_that_tell_nothing_are_no_fault(corner, monkeypatch, gain, accepted):
+    """Fewer than two in common, or each as it was: no NaN, and no division by 0."""
+    monkeypatch.setattr(refine, "gain_over", lambda before, after: gain)
+    _, told = refine.refine(adjusted_model(corner), free="focal", seed=0)
+    assert told["accepted"] is accepted
+    json.dumps(told, allow_nan=False)
+
+
 def test_too_few_tracks_change_nothing(corner):
     turns, centres, xyz, drift = corner
     model = adjusted_model((turns, centres, xyz[:60], drift[:60]))
