@@ -115,8 +115,9 @@ SHARED = {
     },
     "--pose-convention": {
         "choices": scene_keys.CONVENTIONS,
+        "metavar": "NAME",
         "help": "convention in which the cameras were written by mistake, to convert "
-        "them; as_stated: change nothing",
+        "them: opencv, ros, xyzw, ...; as_stated: change nothing",
     },
     "--only-config": {
         "action": "store_true",

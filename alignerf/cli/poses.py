@@ -92,11 +92,11 @@ def summary(report):
     """What the check says, in a line."""
     told = report["adjustment"]
     if told["accepted"]:
-        lens = ", a lens distortion found" * bool(told["distortion"])
+        named = "; ".join(fault["said"] for fault in report["faults"])
+        named = named or f"poses are off by {told['pose_error_px']:.2f} px of the photo"
         return (
-            f"poses off by {told['pose_error_px']:.2f} px of the photo (worst "
-            f"{told['worst_px']:.1f}): adjusted; held-out matches "
-            f"{told['before_px']:.2f} -> {told['after_px']:.2f} px{lens}"
+            f"{named}: corrected; held-out matches {told['before_px']:.2f} -> "
+            f"{told['after_px']:.2f} px"
         )
     return f"cameras stay as they came: {told['why']}"
 

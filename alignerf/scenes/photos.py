@@ -68,6 +68,8 @@ class Head(NamedTuple):
     orientation: int
     # Maker, model and lens, as EXIF has them; empty where it has none.
     camera: str = ""
+    # Focal length by EXIF, in px of these rows; NaN where it has none.
+    focal_px: float = np.nan
 
 
 def find_images(folder, others=()):
@@ -212,14 +214,15 @@ def head(path) -> Head:
         exif = _exif(opened)
         texts = [exif.get(tag) for tag in (TAG.Make, TAG.Model, TAG.LensModel)]
         camera = " ".join(str(text).strip("\0 ") for text in texts if text)
+        focal_px = _focal_px(exif.get(TAG.FocalLengthIn35mmFilm), *opened.size)
         if (turned_by := _turned_by(opened)) != 1:
             size = opened.size[::-1] if turned_by in SIDEWAYS else opened.size
-            return Head(size, turned_by, camera)
+            return Head(size, turned_by, camera, focal_px)
         orientation = exif.get(TAG.Orientation, 1)
         # Pillow turns the rows of a TIFF itself; others are none that EXIF has.
         if opened.format == "TIFF" or orientation not in UPRIGHT:
             orientation = 1
-        return Head(opened.size, orientation, camera)
+        return Head(opened.size, orientation, camera, focal_px)
 
 
 def _exif(opened):

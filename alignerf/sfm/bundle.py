@@ -13,7 +13,7 @@ import numpy as np
 import pycolmap
 from jaxtyping import Float, UInt8
 
-from alignerf.io import progress
+from alignerf.io import faults, progress
 from alignerf.keypoints import adjustment, refine
 from alignerf.scenes import cameras, colmap
 from alignerf.scenes.capture import mapping
@@ -35,7 +35,7 @@ MAX_MATCHES = 120_000
 MIN_TRACKS = 12
 # A pose this many times as wrong as the median one, and by so many px, is not begun
 # with.
-ASTRAY, MIN_ASTRAY_PX = 8.0, 4.0
+ASTRAY, MIN_ASTRAY_PX = 8.0, 1.0
 # Focal lengths that differ by less are of one physical camera; so are principal points
 # within this share of the width.
 SAME_FOCAL, SAME_CENTRE = 0.05, 0.02
@@ -158,6 +158,56 @@ def in_frame(model, matches, given, now) -> Adjusted:
     now, points, moved = in_frame_of(given, now, points, weak)
     move(model, moved)
     return Adjusted(now, points, [], weak, model)
+
+
+def as_they_are(matches: Matches, now: Cameras, work, *, seed) -> Adjusted:
+    """Cameras that stay, with the points that they see."""
+    images = images_of(Path(work).parent)
+    points, model = triangulate(matches, now, work, seed=seed, images=images)
+    return Adjusted(now, points, [], [], model)
+
+
+def anew(matches: Matches, given: Cameras, work, *, seed) -> Cameras:
+    """Cameras that COLMAP finds from the matches and the given lens, without a pose.
+
+    Their middle, extent and mean direction are the given ones'. Raises TooFewError
+    naming views that it cannot place.
+    """
+    work = Path(work) / "anew"
+    (work / "sparse").mkdir(parents=True, exist_ok=True)
+    groups = groups_of(given, matches.width)
+    near, (extent, _, middle) = centred(given)
+    posed = State(one_lens_each(near, groups), groups, np.ones(len(groups), bool))
+    database = write_database(
+        work / "matches.db", matches, model_of(matches, posed), MAX_MATCHES
+    )
+    pycolmap.set_random_seed(seed)
+    options = mapping.pipeline_options(seed)
+    options.extract_colors = False
+    with progress.heartbeat("COLMAP: new poses"):
+        found = pycolmap.incremental_mapping(database, work, work / "sparse", options)
+    best = max(found.values(), key=lambda one: one.num_reg_images(), default=None)
+    there = (
+        {image.image_id - 1 for image in best.images.values() if image.has_pose}
+        if best
+        else set()
+    )
+    if gone := [name for i, name in enumerate(matches.names) if i not in there]:
+        raise TooFewError(f"COLMAP finds no poses of {faults.some_names(gone)}")
+    now = cameras_of(best, posed.cameras)
+    _, turn, _ = cameras.align_similarity(now.camtoworlds, near.camtoworlds)
+    centres = now.camtoworlds[:, :, 3]
+    own = np.abs(centres - centres.mean(axis=0)).max()
+    scale = extent / max(own, 1e-12)
+    shift = middle - scale * turn @ centres.mean(axis=0)
+    poses = cameras.apply_similarity(now.camtoworlds, scale, turn, shift)
+    return now._replace(camtoworlds=poses)
+
+
+def images_of(work):
+    """The photos at the size of their matches, for the colours of points, or None."""
+    folder = Path(work) / "matched"
+    return folder if folder.is_dir() else None
 
 
 def triangulate(matches: Matches, given: Cameras, work, *, seed, images=None):

@@ -12,28 +12,17 @@ import numpy as np
 import pycolmap
 
 from alignerf.io import archives, faults
-from alignerf.keypoints import refine
-from alignerf.scenes import prepare, prepared
+from alignerf.scenes import photos, prepare, prepared
 from alignerf.sfm import (
-    acceptance,
     bundle,
     calibration,
+    correction,
     matches,
     mistakes,
-    pose_error,
 )
-from alignerf.sfm import lens as lens_fit
 
 log = logging.getLogger("alignerf.poses")
 
-# Fewer held-out matches accept nothing.
-MIN_MATCHES = 100
-# Adjusted cameras that are further off, in px of the matches, are not right either.
-MAX_LEFT_PX = 3.0
-# Input cameras that are so far off, and cannot be adjusted, are of other photos.
-MAX_INPUT_PX = 20.0
-# Times that adjusting may change how far apart cameras stand: more has lost its scale.
-MAX_SCALE = 3.0
 # Of COLMAP's own run: whose lens it has found.
 LENSES = ("names", "camtopix", "distortion", "sizes")
 
@@ -76,38 +65,45 @@ def check(views, work, config, *, adjusts, lens, matched=None) -> Checked:
     given = calibration.of_views(views, matched)
     photo_px = views.width / matched.width
     report = {"matches": matched.count(), "pairs": len(matched.pairs)}
-    stated = config["pose_convention"]
-    report |= check_convention(matched, given, photo_px, where, stated)
+    epipolar_px, convention = convention_of(matched, given, photo_px, config)
+    if convention and not (adjusts and lens):
+        raise ValueError(
+            f"{where}: its cameras have {mistakes.describe(convention)}. To read them "
+            f"that way: `pose_convention: {convention}` in the config, or "
+            f"--pose-convention {convention}; to leave them as they are, "
+            f"{mistakes.NONE}"
+        )
+    report["epipolar_px"] = epipolar_px
     report |= stand_out(matched, given, photo_px, where)
     found, told = None, {"accepted": False, "why": "not asked for"}
     if adjusts:
         options = {"lens": lens, "where": where, "second": config["adjust_again"]}
-        found, told = adjust(matched, given, work, seed, photo_px, **options)
-        report["lens"] = {
-            name: lens_fit.fit(matched, one, photo_px, seed=seed).told()
-            for name, one in (("given", given), ("adjusted", found and found.cameras))
-            if one
-        }
+        options |= {"convention": convention, "focal_px": focal_px(views)}
+        found, told = correction.correct(
+            matched, given, work, seed, photo_px, **options
+        )
+        report["lens"] = told.pop("lens")
+        report["faults"] = told.pop("faults")
     report["adjustment"] = told
     report["time_s"] = round(time.monotonic() - started, 1)
     return Checked(matched, given, found, report)
 
 
-def check_convention(matched, given, photo_px, where, stated):
-    """The report's part on conventions; ValueError where the input's is a mistake."""
+def convention_of(matched, given, photo_px, config):
+    """(median epipolar error in px of the photo or None, the mistake of the file).
+
+    Without a mistake, and where the config says how poses are meant, there is None.
+    """
     found = mistakes.find(matched, given.pixtocams, given.camtoworlds)
-    own_px, own = found[mistakes.NONE]
-    if len(found) > 1 and stated is None:
-        name = list(found)[1]
-        error_px, count = found[name]
-        raise ValueError(
-            f"{where}: its cameras have {mistakes.describe(name)}: read that way, "
-            f"{count} matches agree to {photo_px * error_px:.2f} px of the photo; read "
-            f"as they are, {own} to {photo_px * own_px:.1f} px. To read them that way: "
-            f"`pose_convention: {name}` in the config, or --pose-convention {name}; to "
-            f"leave them as they are, {mistakes.NONE}"
-        )
-    return {"epipolar_px": None if np.isinf(own_px) else round(photo_px * own_px, 4)}
+    own_px, names = found[mistakes.NONE][0], list(found)[1:]
+    px = None if np.isinf(own_px) else round(photo_px * own_px, 4)
+    return px, names[0] if names and config["pose_convention"] is None else None
+
+
+def focal_px(views):
+    """[n] focal lengths of the views' photos by EXIF; NaN where it says none."""
+    paths = [photo.path for photo in views.photos]
+    return np.array([photos.head(p).focal_px if p else np.nan for p in paths])
 
 
 def stand_out(matched, given, photo_px, where):
@@ -129,129 +125,6 @@ def stand_out(matched, given, photo_px, where):
     return {"epipolar_of_views_px": known, "stand_out": found}
 
 
-def adjust(matched, given, work, seed, photo_px, *, lens, where="", second=True):
-    """(`bundle.Adjusted` or None, what the report says of it).
-
-    second: whether they are adjusted a second time, by keypoints evenly over each view.
-    """
-
-    def left(why, more=None):
-        log.info("cameras stay as they came: %s", why)
-        return None, (more or {}) | {"accepted": False, "why": why}
-
-    if len(matched.places(held_out=True)[0]) < MIN_MATCHES:
-        return left(f"{matched.count()} matches are too few to judge cameras by")
-    try:
-        found = fewest(matched, given, work, seed, photo_px, lens=lens)
-    except bundle.TooFewError as error:
-        return left(str(error))
-    judged = acceptance.judge(matched, given, found.cameras, photo_px)
-    if not judged.accepted:
-        change = f"{judged.before_px:.2f} -> {judged.after_px:.2f} px"
-        return left(f"held-out matches {change}: no gain", judged.told())
-    if judged.after_px > photo_px * MAX_LEFT_PX:
-        why = f"adjusting leaves held-out matches {judged.after_px:.0f} px off"
-        if lens and judged.before_px > photo_px * MAX_INPUT_PX:
-            raise ValueError(
-                f"{where}: its cameras do not fit these photos: held-out matches are "
-                f"{judged.before_px:.0f} px off, adjusted {judged.after_px:.0f} px. "
-                "Are they of other photos? `poses: input` trains with them anyway"
-            )
-        return left(why, judged.told())
-    extents = [
-        np.ptp(one.camtoworlds[:, :, 3], axis=0).max() for one in (given, found.cameras)
-    ]
-    if not extents[0] / MAX_SCALE < extents[1] < extents[0] * MAX_SCALE:
-        return left("the cameras stand too near to one place", judged.told())
-    again = {}
-    if second:
-        options = {"lens": lens, "seed": seed, "photo_px": photo_px}
-        now, again = bundle.again(found, matched, given, **options)
-        # Matches as they were found have the last word.
-        if acceptance.judge(matched, found.cameras, now.cameras, photo_px).worse:
-            again = refine.refused(again, "held-out matches lose by it")
-        else:
-            found = now
-            judged = acceptance.judge(matched, given, found.cameras, photo_px)
-    told = judged.told() | difference(matched.names, given, found, photo_px)
-    told["again"] = again or None
-    log.info(
-        "poses were off by %.2f px of the photo (worst view %.1f px): corrected. "
-        "Held-out matches %.2f -> %.2f px",
-        *(told["pose_error_px"], told["worst_px"]),
-        *(judged.before_px, judged.after_px),
-    )
-    told["still_off"] = still_off(matched, found.cameras, photo_px)
-    for key, what in (
-        ("placed", "placed anew"),
-        ("carried", "moved with neighbours"),
-        ("still_off", "that are still far off"),
-    ):
-        if told[key]:
-            log.warning("views %s: %s", what, faults.some_names(told[key]))
-    return found, told
-
-
-def fewest(matched, given, work, seed, photo_px, *, lens):
-    """`bundle.Adjusted` by the fewest parameters that held-out matches ask for.
-
-    A focal length, and a distortion, are refined where that is more than chance: in
-    photos from one side they hide in each other, and in the poses.
-    """
-    options = {"seed": seed, "images": images_of(work)}
-    best = bundle.adjust(matched, given, Path(work) / "adjust", **options)
-    for free in ("focal", *["lens"] * lens):
-        folder = Path(work) / f"adjust_{free}"
-        try:
-            more = bundle.adjust(matched, best.cameras, folder, free=free, **options)
-        except bundle.TooFewError:
-            break
-        if acceptance.judge(matched, best.cameras, more.cameras, photo_px).finer:
-            now, points, moved = bundle.in_frame_of(
-                given, more.cameras, more.points, more.carried
-            )
-            bundle.move(more.model, moved)
-            placed = sorted({*best.placed, *more.placed})
-            best = more._replace(cameras=now, points=points, placed=placed)
-    return best
-
-
-def still_off(matched, now, photo_px):
-    """Names of the views whose matches are far off by adjusted cameras too."""
-    px = photo_px * calibration.errors_of_views(matched, now)
-    return list(mistakes.of_views(matched.names, px, now.camtoworlds))
-
-
-def difference(names, given, found, photo_px):
-    """The report's part on how far the adjusted cameras are from the input's."""
-    points = {
-        view: found.points.of_view(view)
-        for view in range(len(names))
-        if len(found.points.seen[view]) >= bundle.MIN_TRACKS
-    }
-    px = pose_error.distance_px(given, found.cameras, points)
-    off_px = photo_px * np.array(list(px.values()))
-    lens = found.cameras.distortion[0]
-    ratio = np.median(found.cameras.camtopix[:, 0, 0] / given.camtopix[:, 0, 0])
-    return {
-        "pose_error_px": round(float(np.median(off_px)), 3),
-        "worst_px": round(float(off_px.max()), 3),
-        "reprojection_px": round(
-            photo_px * float(np.nanmean(found.points.reprojection_px)), 3
-        ),
-        "focal_ratio": round(float(ratio), 6),
-        "distortion": lens.round(6).tolist() if lens.any() else None,
-        "placed": [names[i] for i in found.placed],
-        "carried": [names[i] for i in found.carried],
-    }
-
-
-def images_of(work):
-    """The photos at the size of their matches, for the colours of points, or None."""
-    folder = Path(work) / "matched"
-    return folder if folder.is_dir() else None
-
-
 def triangulated(checked: Checked, work, seed):
     """(`bundle.Points`, COLMAP's model) that the input's cameras triangulate."""
     return bundle.triangulate(
@@ -259,7 +132,7 @@ def triangulated(checked: Checked, work, seed):
         checked.given,
         Path(work) / "given",
         seed=seed,
-        images=images_of(work),
+        images=bundle.images_of(work),
     )
 
 

@@ -20,6 +20,9 @@ PARTS = {"focal": [0], "distortion": [3], "centre": [1, 2], "shutter": [4]}
 NUMBERS = 5
 # Matches that a fit of so few numbers needs, and its robust loss in px.
 MAX_MATCHES, LOSS_PX = 4000, 0.5
+# Views of another zoom are so many times as far off, have a focal length that differs
+# by more than this in its logarithm, and by less than that; matches of each that tell.
+TIMES_FARTHER, ZOOM, MAX_ZOOM, OF_A_VIEW = 3.0, 0.04, 1.5, 300
 # A change of a larger fraction of the corner's distance is none of a lens.
 MAX_FRACTION = 0.2
 # A camera whose picture moves by a larger fraction of its width until the next photo by
@@ -52,10 +55,11 @@ class Lens(NamedTuple):
         return {"changed": numbers.pop("changed")} | acceptance.rounded(numbers, 5)
 
 
-def fit(matches: Matches, cameras: Cameras, photo_px=1.0, *, seed=0) -> Lens:
-    """The `Lens` by the fewest parts that held-out matches ask for, one by one.
+def fit(matches: Matches, cameras: Cameras, photo_px=1.0, *, seed=0):
+    """(`Lens`, the cameras with it) by the fewest parts that held-out matches ask for.
 
-    cameras: in px of the matches; photo_px: px of the photo in one of these.
+    One by one. cameras: in px of the matches; photo_px: px of the photo in one of
+    these.
     """
     half = np.hypot(matches.width, matches.height) / 2
     some, motions = sample_of(matches, seed), motions_of(matches, cameras)
@@ -81,7 +85,67 @@ def fit(matches: Matches, cameras: Cameras, photo_px=1.0, *, seed=0) -> Lens:
     in_px = np.hypot(*found[1:3]), abs(found[3]), abs(found[4])
     in_px += tuple(map(median, errors_px))
     px = [float(photo_px * one) for one in in_px]
-    return Lens(chosen, float(np.exp(found[0] / half)), *px)
+    return Lens(chosen, float(np.exp(found[0] / half)), *px), best[1]
+
+
+def zooms(matches: Matches, cameras: Cameras, photo_px, by_exif=None) -> Cameras:
+    """The cameras, views that were taken with another zoom with its focal length.
+
+    by_exif [n]: focal lengths in EXIF, NaN where there is none: where the file has one
+    lens and EXIF several, these are tried. Then views whose matches are several times
+    as far off as others' get the focal length that brings them near, poses held.
+    """
+    now, lengths = cameras, cameras.camtopix[:, 0, 0]
+    if by_exif is not None and np.isfinite(by_exif).all():
+        ratios = by_exif / np.median(by_exif) * np.median(lengths) / lengths
+        by_exif = zoomed(cameras, np.where(np.abs(np.log(ratios)) > ZOOM, ratios, 1.0))
+        if acceptance.judge(matches, cameras, by_exif, photo_px).accepted:
+            now = by_exif
+    px = calibration.errors_of_views(matches, now, held_out=False)
+    some = px[np.isfinite(px)]
+    near_px = max(np.quantile(some, 0.25), LOSS_PX) if len(some) else np.inf
+    odd = px > TIMES_FARTHER * near_px
+    views, xy = matches.places(held_out=False)
+    ratios = np.ones(len(px))
+    for view in np.flatnonzero(odd):
+        # The other view of a match has to be a sane one.
+        own = np.flatnonzero(
+            (views == view).any(axis=1) & (odd[views].sum(axis=1) == 1)
+        )
+        own = own[:: max(1, len(own) // OF_A_VIEW)]
+        if len(own) < acceptance.MIN_MATCHES:
+            continue
+
+        def error_px(log, view=view, own=own):
+            one = zoomed(now, np.where(np.arange(len(px)) == view, np.exp(log), 1.0))
+            off = calibration.errors_px(
+                views[own], xy[own], one.pixtocams, one.camtoworlds
+            )
+            return float(np.median(off))
+
+        logs = np.arange(-MAX_ZOOM, MAX_ZOOM, ZOOM)
+        best = logs[np.argmin([error_px(log) for log in logs])]
+        best = optimize.minimize_scalar(
+            error_px, bounds=(best - ZOOM, best + ZOOM), method="bounded"
+        )
+        fits = best.fun < min(error_px(0.0) / TIMES_FARTHER, TIMES_FARTHER * near_px)
+        if fits and abs(best.x) > ZOOM:
+            ratios[view] = np.exp(best.x)
+    # Photos of one zoom have one focal length.
+    order = np.argsort(ratios)
+    for group in np.split(
+        order, np.flatnonzero(np.diff(np.log(ratios[order])) > ZOOM) + 1
+    ):
+        if (ratios[group] != 1).all():
+            ratios[group] = np.median(ratios[group])
+    return zoomed(now, ratios)
+
+
+def zoomed(cameras: Cameras, ratios) -> Cameras:
+    """The cameras with focal lengths so many times [n] as long."""
+    lenses = cameras.camtopix.copy()
+    lenses[:, [0, 1], [0, 1]] *= ratios[:, None]
+    return cameras._replace(camtopix=lenses)
 
 
 def median(values):

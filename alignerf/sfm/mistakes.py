@@ -5,7 +5,10 @@ matches. One that explains them is named; it is used only where the config says 
 Views and lenses that stand out are named too.
 """
 
+import functools
+
 import numpy as np
+from scipy.spatial.transform import Rotation
 
 from alignerf.io import faults
 from alignerf.scenes import cameras, photo_names
@@ -20,7 +23,7 @@ TIMES_LESS, TIMES_MORE, MEET_PX = 5.0, 1.5, 4.0
 # Cameras whose matches fit by so many px are not suspected.
 SANE_PX = 2.0
 # Matches that are enough to tell, and those without which nothing is told.
-MAX_MATCHES, MIN_MATCHES = 50_000, 50
+MAX_MATCHES, MIN_MATCHES = 20_000, 50
 
 
 def turned(poses):
@@ -52,29 +55,107 @@ def mirrored(axis, *, cameras_too):
     return undo
 
 
-AXES = tuple(enumerate("xyz"))
+def reordered(order, *, of):
+    """A function: poses whose quaternions had their numbers in another order.
+
+    order: places of w, x, y, z in what was read as (w, x, y, z). of: "camera_to_world"
+    or "world_to_camera", whose rotation the quaternions are; the translation is right.
+    """
+
+    def undo(poses):
+        # Files of quaternions have OpenCV's axes.
+        own = turned(poses)
+        own = inverted(own) if of == "world_to_camera" else own
+        quaternions = Rotation.from_matrix(own[:, :, :3]).as_quat(scalar_first=True)
+        turns = Rotation.from_quat(quaternions[:, order], scalar_first=True)
+        own = np.concatenate([turns.as_matrix(), own[:, :, 3:]], axis=-1)
+        return turned(inverted(own) if of == "world_to_camera" else own)
+
+    return undo
+
+
+def with_axes(columns):
+    """A function: poses whose cameras' axes are others than OpenGL's (right, up, back).
+
+    columns: OpenGL's axes, in those that the file has.
+    """
+    turn = np.array(columns, float).T
+    return lambda poses: np.concatenate(
+        [poses[:, :, :3] @ turn, poses[:, :, 3:]], axis=-1
+    )
+
+
+def chained(*functions):
+    """A function: each of them after the other."""
+    return lambda poses: functools.reduce(lambda now, one: one(now), functions, poses)
+
+
+WXYZ, XYZW = (1, 2, 3, 0), (3, 0, 1, 2)
 # {name, as the config has it: (what it is in words, function from poses to poses)}.
-POSES = {
-    "opencv": ("OpenCV's axes for OpenGL's", turned),
+MEANINGS = {
     "world_to_camera": ("world-to-camera for camera-to-world", inverted),
-    "world_to_camera_opencv": (
-        "world-to-camera for camera-to-world, with OpenCV's axes",
-        lambda poses: turned(inverted(poses)),
+    "xyzw": (
+        "quaternions in the order x y z w for w x y z",
+        reordered(XYZW, of="world_to_camera"),
     ),
+    "xyzw_camera_to_world": (
+        "quaternions in the order x y z w for w x y z, of camera-to-world poses",
+        chained(turned, inverted, turned, reordered(XYZW, of="camera_to_world")),
+    ),
+    "wxyz": (
+        "quaternions in the order w x y z for x y z w",
+        reordered(WXYZ, of="camera_to_world"),
+    ),
+}
+FORWARDS = {
+    "": ("", np.eye(3)),
+    "opencv": ("OpenCV's axes for OpenGL's", FLIP),
+    "ros": (
+        "the axes of ROS (x forward, y left, z up)",
+        np.array([[0, -1, 0], [0, 0, 1], [-1, 0, 0]]),
+    ),
+    "enu": (
+        "axes with y forward and z up",
+        np.array([[1, 0, 0], [0, 0, 1], [0, -1, 0]]),
+    ),
+}
+
+
+def axes():
+    """{name: (words, function)} of cameras' axes, rolled by quarter turns or not."""
+    found = {}
+    for forward, (words, columns) in FORWARDS.items():
+        for degrees in (0, 90, 180, 270):
+            name, said = [forward] * bool(forward), [words] * bool(words)
+            if degrees:
+                name.append(f"roll_{degrees}")
+                said.append(f"photos turned by {degrees} degrees against their poses")
+            roll = Rotation.from_euler("z", degrees, degrees=True).as_matrix().round()
+            found["_".join(name)] = ", ".join(said), with_axes(roll.T @ columns)
+    del found[""]
+    return found
+
+
+AXES = axes()
+POSES = AXES | MEANINGS
+POSES |= {
+    f"{meaning}_{name}": (f"{words}, with {more}", chained(undo, turn))
+    for meaning, (words, undo) in MEANINGS.items()
+    for name, (more, turn) in AXES.items()
 }
 POSES |= {
     f"left_handed_{name}": (
         f"a left-handed world, its {name} axis mirrored",
         mirrored(i, cameras_too=True),
     )
-    for i, name in AXES
+    for i, name in enumerate("xyz")
 }
 POSES |= {
     f"mirrored_{name}": (
         f"positions with their {name} axis mirrored",
         mirrored(i, cameras_too=False),
     )
-    for i, name in AXES
+    for i, name in enumerate("xyz")
 }
 ORDERS = {
     "natural_order": "poses in the order 1, 2, 10 for photos in the order 1, 10, 2",
@@ -84,6 +165,9 @@ ORDERS = {
 # The input is what it says it is.
 NONE = "as_stated"
 EVERY = (NONE, *POSES, *ORDERS)
+# One mistake at a time first, then two and more.
+SIMPLE = [name for name in AXES if "_" not in name or name.startswith("roll")]
+SIMPLE += [*MEANINGS, *ORDERS, *(n for n in POSES if n[-2:] in ("_x", "_y", "_z"))]
 
 
 def order_of(convention, names):
@@ -140,16 +224,20 @@ def find(matches, pixtocams, camtoworlds):
     found = {NONE: own}
     if not len(views) or (own[0] < SANE_PX and own[1] > len(places[0]) / 2):
         return found
-    others = {}
-    for convention in (*POSES, *ORDERS):
-        poses = undone(convention, matches.names, camtoworlds)
-        if np.array_equal(poses, camtoworlds):
-            continue
-        error_px, count = measure(places, pixtocams, poses)
-        fits = TIMES_LESS * error_px < own[0] and count > TIMES_MORE * own[1]
-        if fits and count >= MIN_MATCHES:
-            others[convention] = error_px, count
-    return found | dict(sorted(others.items(), key=lambda one: (-one[1][1], one[1][0])))
+    for names in (SIMPLE, [one for one in EVERY[1:] if one not in SIMPLE]):
+        others = {}
+        for convention in names:
+            poses = undone(convention, matches.names, camtoworlds)
+            if np.array_equal(poses, camtoworlds):
+                continue
+            error_px, count = measure(places, pixtocams, poses)
+            fits = TIMES_LESS * error_px < own[0] and count > TIMES_MORE * own[1]
+            if fits and count >= MIN_MATCHES:
+                others[convention] = error_px, count
+        if others:
+            best = sorted(others.items(), key=lambda one: (-one[1][1], one[1][0]))
+            return found | dict(best)
+    return found
 
 
 # A view stands out by so many times the median error, and by so many px of the photo.
@@ -160,7 +248,7 @@ FOCAL_TIMES = 1.5
 MAX_OFF_CENTRE = 0.45
 
 
-def of_views(names, errors_px, camtoworlds):
+def of_views(names, errors_px, camtoworlds, least_px=MIN_PX):
     """{view: why it stands out}; errors_px [n]: of each view, in px of the photo."""
     found = {}
     usual_px = np.nanmedian(errors_px) if np.isfinite(errors_px).any() else np.nan
@@ -174,7 +262,7 @@ def of_views(names, errors_px, camtoworlds):
             others = [n for n, is_same in zip(names, same, strict=True) if is_same]
             others.remove(name)
             found[name] = f"the pose of {faults.some_names(others)}"
-        elif errors_px[i] > max(TIMES * usual_px, MIN_PX):
+        elif errors_px[i] > max(TIMES * usual_px, least_px):
             found[name] = f"{errors_px[i]:.1f} px off, the others {usual_px:.1f} px"
     return found
 

@@ -22,7 +22,11 @@ CAMERA_MODELS = Literal[
 
 
 # Mistakes of files of cameras (`alignerf.sfm.mistakes`; a test holds both equal).
-CONVENTIONS = ("as_stated", "opencv", "world_to_camera", "world_to_camera_opencv")
+ROLLS = ("", "roll_90", "roll_180", "roll_270")
+AXES = [f"{f}_{r}".strip("_") for f in ("", "opencv", "ros", "enu") for r in ROLLS][1:]
+MEANINGS = ("world_to_camera", "xyzw", "xyzw_camera_to_world", "wxyz")
+CONVENTIONS = ("as_stated", *AXES, *MEANINGS)
+CONVENTIONS += tuple(f"{meaning}_{axes}" for meaning in MEANINGS for axes in AXES)
 CONVENTIONS += tuple(f"{w}_{x}" for w in ("left_handed", "mirrored") for x in "xyz")
 CONVENTIONS += ("natural_order", "name_order", "reversed_order")
 # A name becomes a folder: no path escapes by it.
@@ -98,7 +102,8 @@ class Common(Keys):
     pose_convention: Literal[CONVENTIONS] | None = key(
         None,
         "a mistake in the file of input cameras, which is undone; null: where matches "
-        "show one, the run stops and names it; as_stated: there is none",
+        "show one, adjusted cameras have it undone, and of input ones the run stops; "
+        "as_stated: there is none",
     )
     adjust_again: bool | None = key(
         None,
