@@ -36,6 +36,8 @@ MIN_TRACKS = 12
 # A pose this many times as wrong as the median one, and by so many px, is not begun
 # with.
 ASTRAY, MIN_ASTRAY_PX = 8.0, 1.0
+# Pairs of views that COLMAP begins new poses with, at most.
+TRIALS = 20
 # Focal lengths that differ by less are of one physical camera; so are principal points
 # within this share of the width.
 SAME_FOCAL, SAME_CENTRE = 0.05, 0.02
@@ -183,7 +185,9 @@ def anew(matches: Matches, given: Cameras, work, *, seed) -> Cameras:
     )
     pycolmap.set_random_seed(seed)
     options = mapping.pipeline_options(seed)
-    options.extract_colors = False
+    # All photos or none: parts of them have no common frame.
+    options.extract_colors, options.multiple_models = False, False
+    options.init_num_trials = TRIALS
     with progress.heartbeat("COLMAP: new poses"):
         found = pycolmap.incremental_mapping(database, work, work / "sparse", options)
     best = max(found.values(), key=lambda one: one.num_reg_images(), default=None)

@@ -8,13 +8,14 @@ reported, and refuses nothing. Lengths in reports are px of the photo.
 
 import logging
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 
 from alignerf.io import faults
 from alignerf.keypoints import refine
 from alignerf.scenes import distortion
-from alignerf.sfm import acceptance, bundle, calibration, mistakes, pose_error
+from alignerf.sfm import acceptance, bundle, calibration, matches, mistakes, pose_error
 from alignerf.sfm import lens as lens_fit
 
 log = logging.getLogger("alignerf.poses")
@@ -31,12 +32,136 @@ DOUBTFUL_PX = 10.0
 OFF_PX = 1.0
 # Of what any correction gains, from which on the lens alone explains it.
 MOSTLY = 0.5
-# A scale of the cameras that changes more often has had no meaning.
+# Cameras whose scale changes more often were at places that meant nothing.
 MAX_SCALE = 3.0
 # Of a fault that is named: px of the photo by which poses are off; the share of it by
 # which a focal length is, of the half diagonal by which the corner is, of the width by
 # which the centre is.
 POSES_PX, FOCAL, CORNER, CENTRE = 0.2, 2e-3, 1e-3, 2e-3
+
+
+class Attempt(NamedTuple):
+    """Cameras that an adjustment began with, and what came of it.
+
+    found: None where held-out matches do not gain, and why they do not.
+    """
+
+    start: calibration.Cameras
+    found: bundle.Adjusted | None
+    why: str = ""
+
+    @property
+    def cameras(self):
+        return self.found.cameras if self.found else self.start
+
+
+class Search(NamedTuple):
+    """What all attempts at a capture's cameras have in common; see `correct`."""
+
+    matched: matches.Matches
+    work: Path
+    seed: int
+    photo_px: float
+    lens: bool
+
+    def judge(self, one, other):
+        return acceptance.judge(self.matched, one, other, self.photo_px)
+
+    def attempt(self, start) -> Attempt:
+        """Cameras adjusted from here, if held-out matches gain by it."""
+        try:
+            found = self.fewest(start)
+        except bundle.TooFewError as error:
+            return Attempt(start, None, str(error))
+        judged = self.judge(start, found.cameras)
+        change = f"{judged.before_px:.2f} -> {judged.after_px:.2f} px"
+        why = f"held-out matches {change}: no gain"
+        return Attempt(start, found if judged.accepted else None, why)
+
+    def fewest(self, start) -> bundle.Adjusted:
+        """Cameras adjusted by the fewest parameters that held-out matches ask for.
+
+        A focal length, and a distortion, are refined where that is more than chance: in
+        photos from one side they hide in each other, and in the poses.
+        """
+        options = {"seed": self.seed, "images": bundle.images_of(self.work)}
+        best = bundle.adjust(self.matched, start, self.work / "adjust", **options)
+        for free in ("focal", *["lens"] * self.lens):
+            folder, options["free"] = self.work / f"adjust_{free}", free
+            try:
+                more = bundle.adjust(self.matched, best.cameras, folder, **options)
+            except bundle.TooFewError:
+                break
+            if self.judge(best.cameras, more.cameras).finer:
+                now, points, moved = bundle.in_frame_of(
+                    start, more.cameras, more.points, more.carried
+                )
+                bundle.move(more.model, moved)
+                placed = sorted({*best.placed, *more.placed})
+                best = more._replace(cameras=now, points=points, placed=placed)
+        return best
+
+    def by_lens_first(self, start, changed, by_lens) -> Attempt:
+        """Poses adjusted after the lens, where the lens explains most by itself.
+
+        by_lens: the cameras with the parts of the lens changed that `lens.fit` names.
+        """
+        plain, alone = self.attempt(start), self.judge(start, by_lens)
+        if not (alone.accepted and (self.lens or "distortion" not in changed)):
+            return plain
+        if alone.gain_px < MOSTLY * max(self.judge(start, plain.cameras).gain_px, 0):
+            return plain
+        other = self.attempt(by_lens)
+        # What a lens seems to explain may be a turn of all cameras.
+        is_turn = plain.found and self.judge(other.cameras, plain.cameras).finer
+        return plain if is_turn else other
+
+    def or_anew(self, best, right, where):
+        """(`Attempt`, whether the poses have nothing to do with the photos).
+
+        right: cameras whose middle, extent and lens new ones have. Raises ValueError
+        where these fit no better than the best cameras that came, which do not.
+        """
+        came_px, left_px, *_ = self.judge(best.start, best.cameras)
+        is_left = left_px > self.photo_px * MAX_LEFT_PX
+        is_doubtful = is_left or came_px > self.photo_px * DOUBTFUL_PX
+        if not (is_doubtful or still_off(self.matched, best.cameras, self.photo_px)):
+            return best, False
+        why = "no others are better"
+        try:
+            new = bundle.anew(self.matched, right, self.work, seed=self.seed)
+            if self.judge(best.cameras, new).accepted:
+                return self.attempt(new), True
+        except bundle.TooFewError as error:
+            why = str(error)
+        if not is_left:
+            return best, False
+        why = f"held-out matches stay {left_px:.0f} px off, and {why}"
+        if not self.lens:
+            return Attempt(right, None, why), False
+        raise ValueError(
+            f"{where}: its cameras do not fit these photos: {why}. Are they of other "
+            "photos? `poses: input` trains with them anyway"
+        )
+
+    def again(self, best):
+        """(`Attempt` adjusted a second time where that is no loss, what is told)."""
+        found, told = bundle.again(
+            best.found,
+            self.matched,
+            best.start,
+            lens=self.lens,
+            seed=self.seed,
+            photo_px=self.photo_px,
+        )
+        # Matches as they were found have the last word.
+        if self.judge(best.cameras, found.cameras).worse:
+            return best, refine.refused(told, "held-out matches lose by it")
+        return best._replace(found=found), told
+
+    def lens_of(self, cameras):
+        """(`lens.Lens` that matches ask for, the cameras with it)."""
+        return lens_fit.fit(self.matched, cameras, self.photo_px, seed=self.seed)
 
 
 def correct(
@@ -50,92 +175,34 @@ def correct(
     the file that is undone first; focal_px [n], focal lengths by EXIF, NaN where there
     is none. Raises ValueError for cameras of other photos.
     """
-    convention, focal_px = more.get("convention"), more.get("focal_px")
-
-    def judge(one, other):
-        return acceptance.judge(matched, one, other, photo_px)
-
-    def adjusted(start):
-        """(the best adjustment, None), or (None, why there is none)."""
-        try:
-            found = fewest(matched, start, work, seed, photo_px, lens=lens)
-        except bundle.TooFewError as error:
-            return None, str(error)
-        judged = judge(start, found.cameras)
-        change = f"{judged.before_px:.2f} -> {judged.after_px:.2f} px"
-        why = f"held-out matches {change}: no gain"
-        return (found, None) if judged.accepted else (None, why)
-
-    def left(why, lenses=None):
-        log.info("cameras stay as they came: %s", why)
-        told = judge(given, given).told()
-        told |= {"accepted": False, "why": why, "faults": [], "lens": lenses or {}}
-        return None, told
-
+    search = Search(matched, Path(work), seed, photo_px, lens)
+    convention = more.get("convention") or mistakes.NONE
+    poses = mistakes.undone(convention, matched.names, given.camtoworlds)
+    right = given._replace(camtoworlds=poses)
     if len(matched.places(held_out=True)[0]) < MIN_MATCHES:
-        return left(f"{matched.count()} matches are too few to judge cameras by")
-    poses = mistakes.undone(
-        convention or mistakes.NONE, matched.names, given.camtoworlds
-    )
-    start = right = given._replace(camtoworlds=poses) if convention else given
-    zoomed = lens_fit.zooms(matched, start, photo_px, focal_px)
-    if judge(start, zoomed).accepted:
-        start = zoomed
-    told_lens, by_lens = lens_fit.fit(matched, start, photo_px, seed=seed)
-    lenses = {"given": told_lens.told()}
-    found, why = adjusted(start)
-    alone, by_poses = judge(start, by_lens), found
-    if (lens or "distortion" not in told_lens.changed) and alone.accepted:
-        most = judge(start, found.cameras).gain_px if found else 0.0
-        if alone.gain_px >= MOSTLY * most:
-            found, left_by_lens = adjusted(by_lens)
-            now = found.cameras if found else by_lens
-            # What a lens seems to explain may be a turn of all cameras.
-            if by_poses and judge(now, by_poses.cameras).finer:
-                found = by_poses
-            else:
-                start, why = by_lens, left_by_lens
-    now, unrelated = found.cameras if found else start, False
-    came_px, off_px = judge(start, now)[:2]
-    is_doubtful = came_px > photo_px * DOUBTFUL_PX or off_px > photo_px * MAX_LEFT_PX
-    if is_doubtful or still_off(matched, now, photo_px):
-        try:
-            new = bundle.anew(matched, right, work, seed=seed)
-            if judge(now, new).accepted:
-                start, unrelated = new, True
-                found, why = adjusted(start)
-            elif off_px > photo_px * MAX_LEFT_PX:
-                raise bundle.TooFewError("no others are better")
-        except bundle.TooFewError as error:
-            if off_px > photo_px * MAX_LEFT_PX:
-                why = f"held-out matches stay {off_px:.0f} px off, and {error}"
-                if lens:
-                    raise ValueError(
-                        f"{where}: its cameras do not fit these photos: {why}. Are "
-                        "they of other photos? `poses: input` trains with them anyway"
-                    ) from None
-                return left(why, lenses)
-    again = {}
-    if found and second:
-        options = {"lens": lens, "seed": seed, "photo_px": photo_px}
-        finer, again = bundle.again(found, matched, start, **options)
-        # Matches as they were found have the last word.
-        if judge(found.cameras, finer.cameras).worse:
-            again = refine.refused(again, "held-out matches lose by it")
-        else:
-            found = finer
+        why = f"{matched.count()} matches are too few to judge cameras by"
+        return None, left(search.judge(given, given), why)
+    start = lens_fit.zooms(matched, right, photo_px, more.get("focal_px"))
+    if not search.judge(right, start).accepted:
+        start = right
+    asked, by_lens = search.lens_of(start)
+    lenses, again = {"given": asked.told()}, {}
+    best = search.by_lens_first(start, asked.changed, by_lens)
+    best, unrelated = search.or_anew(best, right, where)
+    if best.found and second:
+        best, again = search.again(best)
+    if not best.found and best.start is right and convention == mistakes.NONE:
+        return None, left(search.judge(given, given), best.why) | {"lens": lenses}
+    found = best.found
     if not found:
-        if start is given:
-            return left(why, lenses)
-        found = bundle.as_they_are(matched, start, Path(work) / "kept", seed=seed)
-    lenses["adjusted"] = lens_fit.fit(matched, found.cameras, photo_px, seed=seed)[
-        0
-    ].told()
-    told = judge(given, found.cameras).told() | {"accepted": True, "lens": lenses}
-    told["again"] = again or None
-    more, off_px = difference(matched.names, right, found, photo_px)
-    told |= more
-    told["still_off"] = still_off(matched, found.cameras, photo_px)
+        folder = search.work / "kept"
+        found = bundle.as_they_are(matched, best.start, folder, seed=seed)
+    lenses["adjusted"] = search.lens_of(found.cameras)[0].told()
+    told = search.judge(given, found.cameras).told() | {"accepted": True}
+    told |= {"lens": lenses, "again": again or None}
+    moved, off_px = difference(matched.names, right, found, photo_px)
+    told |= moved | {"still_off": still_off(matched, found.cameras, photo_px)}
+    unrelated = unrelated or not 1 / MAX_SCALE < told["scale"] < MAX_SCALE
     size = matched.width, matched.height
     told["faults"] = [
         *of_lens(matched.names, right, found.cameras, size, photo_px),
@@ -145,17 +212,19 @@ def correct(
     return found, told
 
 
+def left(judged, why):
+    """What is told of cameras that stay, which is logged."""
+    log.info("cameras stay as they came: %s", why)
+    told = {"accepted": False, "why": why, "lens": {}, "faults": []}
+    return judged.told() | told
+
+
 def say(told):
     """Log what is named, and what became of single views."""
     for fault in told["faults"]:
         log.warning("%s", fault["said"])
     held_out = told["before_px"], told["after_px"]
     log.info("cameras are corrected: held-out matches %.2f -> %.2f px", *held_out)
-    if not 1 / MAX_SCALE < told["scale"] < MAX_SCALE:
-        log.warning(
-            "cameras stand %.3g times as far apart: lengths in the file meant nothing",
-            told["scale"],
-        )
     for key, what in (
         ("placed", "placed anew"),
         ("carried", "moved with neighbours"),
@@ -163,30 +232,6 @@ def say(told):
     ):
         if told[key]:
             log.warning("views %s: %s", what, faults.some_names(told[key]))
-
-
-def fewest(matched, given, work, seed, photo_px, *, lens):
-    """`bundle.Adjusted` by the fewest parameters that held-out matches ask for.
-
-    A focal length, and a distortion, are refined where that is more than chance: in
-    photos from one side they hide in each other, and in the poses.
-    """
-    options = {"seed": seed, "images": bundle.images_of(work)}
-    best = bundle.adjust(matched, given, Path(work) / "adjust", **options)
-    for free in ("focal", *["lens"] * lens):
-        folder = Path(work) / f"adjust_{free}"
-        try:
-            more = bundle.adjust(matched, best.cameras, folder, free=free, **options)
-        except bundle.TooFewError:
-            break
-        if acceptance.judge(matched, best.cameras, more.cameras, photo_px).finer:
-            now, points, moved = bundle.in_frame_of(
-                given, more.cameras, more.points, more.carried
-            )
-            bundle.move(more.model, moved)
-            placed = sorted({*best.placed, *more.placed})
-            best = more._replace(cameras=now, points=points, placed=placed)
-    return best
 
 
 def still_off(matched, now, photo_px):
@@ -275,7 +320,7 @@ def corner_px(now, half):
 def of_poses(off_px, unrelated, convention):
     """The faults of poses; off_px {view: px that its pose is off, after the lens}."""
     found = []
-    if convention:
+    if convention != mistakes.NONE:
         said = f"the file has {mistakes.describe(convention)}: undone ({convention})"
         found.append({"kind": "convention", "said": said})
     if unrelated:

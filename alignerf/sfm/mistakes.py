@@ -165,9 +165,6 @@ ORDERS = {
 # The input is what it says it is.
 NONE = "as_stated"
 EVERY = (NONE, *POSES, *ORDERS)
-# One mistake at a time first, then two and more.
-SIMPLE = [name for name in AXES if "_" not in name or name.startswith("roll")]
-SIMPLE += [*MEANINGS, *ORDERS, *(n for n in POSES if n[-2:] in ("_x", "_y", "_z"))]
 
 
 def order_of(convention, names):
@@ -224,20 +221,16 @@ def find(matches, pixtocams, camtoworlds):
     found = {NONE: own}
     if not len(views) or (own[0] < SANE_PX and own[1] > len(places[0]) / 2):
         return found
-    for names in (SIMPLE, [one for one in EVERY[1:] if one not in SIMPLE]):
-        others = {}
-        for convention in names:
-            poses = undone(convention, matches.names, camtoworlds)
-            if np.array_equal(poses, camtoworlds):
-                continue
-            error_px, count = measure(places, pixtocams, poses)
-            fits = TIMES_LESS * error_px < own[0] and count > TIMES_MORE * own[1]
-            if fits and count >= MIN_MATCHES:
-                others[convention] = error_px, count
-        if others:
-            best = sorted(others.items(), key=lambda one: (-one[1][1], one[1][0]))
-            return found | dict(best)
-    return found
+    others = {}
+    for convention in EVERY[1:]:
+        poses = undone(convention, matches.names, camtoworlds)
+        if np.array_equal(poses, camtoworlds):
+            continue
+        error_px, count = measure(places, pixtocams, poses)
+        fits = TIMES_LESS * error_px < own[0] and count > TIMES_MORE * own[1]
+        if fits and count >= MIN_MATCHES:
+            others[convention] = error_px, count
+    return found | dict(sorted(others.items(), key=lambda one: (-one[1][1], one[1][0])))
 
 
 # A view stands out by so many times the median error, and by so many px of the photo.

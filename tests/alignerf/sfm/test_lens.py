@@ -19,7 +19,7 @@ def changed(cameras, *, focal=1.0, centre=(0.0, 0.0)):
 
 def test_a_right_lens_stays(rng):
     true = made.cameras()
-    found = lens.fit(made.matched(true, rng), true)
+    found, _ = lens.fit(made.matched(true, rng), true)
     assert found.changed == []
     assert found.after_px == found.before_px
     assert found.told()["focal_ratio"] == 1.0
@@ -27,7 +27,7 @@ def test_a_right_lens_stays(rng):
 
 def test_a_focal_length_is_found(rng):
     true = made.cameras()
-    found = lens.fit(made.matched(true, rng), changed(true, focal=1.03))
+    found, _ = lens.fit(made.matched(true, rng), changed(true, focal=1.03))
     assert found.changed == ["focal"]
     assert found.focal_ratio == pytest.approx(1 / 1.03, rel=2e-3)
     assert found.after_px < 0.9 * found.before_px
@@ -36,7 +36,7 @@ def test_a_focal_length_is_found(rng):
 def test_a_principal_point_is_found_in_px_of_the_photo(rng):
     true = made.cameras()
     wrong = changed(true, centre=(4.0, -3.0))
-    found = lens.fit(made.matched(true, rng), wrong, photo_px=2.0)
+    found, _ = lens.fit(made.matched(true, rng), wrong, photo_px=2.0)
     assert found.changed == ["centre"]
     assert found.centre_px == pytest.approx(10.0, rel=0.1)
 
@@ -44,7 +44,7 @@ def test_a_principal_point_is_found_in_px_of_the_photo(rng):
 def test_a_distortion_is_found(rng):
     bent = made.cameras(distortion=(0.08, 0.0, 0.0, 0.0, 0.0))
     straight = bent._replace(distortion=np.zeros_like(bent.distortion))
-    found = lens.fit(made.matched(bent, rng), straight)
+    found, _ = lens.fit(made.matched(bent, rng), straight)
     assert found.changed == ["distortion"]
     half = math.hypot(bent.camtopix[0, 0, 2], bent.camtopix[0, 1, 2])
     corner = half * 0.08 * (half / bent.camtopix[0, 0, 0]) ** 2
@@ -61,7 +61,7 @@ def test_a_rolling_shutter_is_found(rng):
             found.keypoints, lens.motions_of(found, true), strict=True
         )
     ]
-    told = lens.fit(found._replace(keypoints=skewed), true)
+    told, _ = lens.fit(found._replace(keypoints=skewed), true)
     assert told.changed == ["shutter"]
     assert told.shutter_px == pytest.approx(5.0, rel=0.1)
 
@@ -70,21 +70,21 @@ def test_a_rolling_shutter_is_found(rng):
 def test_wrong_poses_are_no_lens(rng, px):
     true = made.cameras()
     poses = posed.perturb_poses(true.camtoworlds, true.pixtocams, px, rng)
-    found = lens.fit(made.matched(true, rng), true._replace(camtoworlds=poses))
+    found, _ = lens.fit(made.matched(true, rng), true._replace(camtoworlds=poses))
     # A lens may take a little of them away, by chance.
     assert found.after_px > 0.8 * found.before_px
 
 
 def test_a_lens_that_no_camera_has_is_none(rng):
     true = made.cameras()
-    found = lens.fit(made.matched(true, rng), changed(true, focal=3.0))
+    found, _ = lens.fit(made.matched(true, rng), changed(true, focal=3.0))
     assert found.changed == []
 
 
 def test_without_matches_nothing_is_said(rng):
     true = made.cameras()
     none = made.matched(true, rng, unseen=range(12))
-    found = lens.fit(none, changed(true, focal=1.1))
+    found, _ = lens.fit(none, changed(true, focal=1.1))
     assert found.changed == []
     assert found.told()["before_px"] is None
 
@@ -99,5 +99,5 @@ def test_cameras_at_one_place_and_photos_in_no_order(rng):
         true._replace(camtoworlds=poses),
         true._replace(camtoworlds=true.camtoworlds[::-1]),
     ):
-        told = lens.fit(found, cameras)
+        told, _ = lens.fit(found, cameras)
         assert np.isfinite([told.focal_ratio, told.shutter_px, told.after_px]).all()

@@ -2,26 +2,57 @@
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 from alignerf.experiment.keys import scene as scene_keys
 from alignerf.scenes import cameras as posed
 from alignerf.sfm import mistakes
 from tests.alignerf.sfm import made
 
-PLANT = {name: undo for name, (_, undo) in mistakes.POSES.items()}
-PLANT["world_to_camera_opencv"] = lambda p: mistakes.inverted(mistakes.turned(p))
-PLANT["reversed_order"] = lambda poses: poses[::-1]
+# Of two mistakes at once, some.
+SOME = [*mistakes.AXES, *mistakes.MEANINGS, "reversed_order"]
+SOME += [f"{way}_{axis}" for way in ("left_handed", "mirrored") for axis in "xyz"]
+SOME += ["world_to_camera_opencv", "xyzw_ros", "xyzw_camera_to_world_opencv"]
+SOME += ["wxyz_enu_roll_90"]
+
+
+def reordered(poses, order):
+    """Poses whose quaternions' numbers w, x, y, z are read from these places."""
+    numbers = Rotation.from_matrix(poses[:, :, :3]).as_quat(scalar_first=True)
+    turns = Rotation.from_quat(numbers[:, order], scalar_first=True).as_matrix()
+    return np.concatenate([turns, poses[:, :, 3:]], axis=-1)
+
+
+def planted(name, poses):
+    """What a reader takes from a file with a mistake."""
+    meaning = max((m for m in mistakes.MEANINGS if name.startswith(m)), default="")
+    axes = name.removeprefix(meaning).strip("_")
+    if axes in mistakes.AXES:
+        turn = mistakes.AXES[axes][1](np.eye(4)[None, :3])[0, :, :3].T
+        poses = np.concatenate([poses[:, :, :3] @ turn, poses[:, :, 3:]], axis=-1)
+    elif not meaning:
+        return mistakes.undone(name, [f"v{k:02d}" for k in range(len(poses))], poses)
+    if meaning == "world_to_camera":
+        return mistakes.inverted(poses)
+    if not meaning:
+        return poses
+    own = mistakes.turned(poses)
+    if meaning == "wxyz":
+        return mistakes.turned(reordered(own, (3, 0, 1, 2)))
+    if meaning == "xyzw":
+        own = mistakes.inverted(own)
+    return mistakes.turned(mistakes.inverted(reordered(own, (1, 2, 3, 0))))
 
 
 def test_the_config_knows_all_of_them():
     assert mistakes.EVERY == scene_keys.CONVENTIONS
 
 
-@pytest.mark.parametrize("mistake", PLANT)
+@pytest.mark.parametrize("mistake", SOME)
 def test_each_mistake_is_named_and_undone(rng, mistake):
     true = made.cameras(arc=2.5)
     found = made.matched(true, rng)
-    poses = PLANT[mistake](true.camtoworlds)
+    poses = planted(mistake, true.camtoworlds)
     told = mistakes.find(found, true.pixtocams, poses)
     assert list(told)[:2] == [mistakes.NONE, mistake]
     undone = mistakes.undone(mistake, found.names, poses)

@@ -1,0 +1,203 @@
+"""Corrections of input cameras: the planted fault is named, and right ones stay."""
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+from alignerf.scenes import cameras as posed
+from alignerf.sfm import bundle, correction, mistakes, pose_error
+from tests.alignerf.sfm import made
+
+
+def perturbed(true, px, rng):
+    poses = posed.perturb_poses(true.camtoworlds, true.pixtocams, px, rng)
+    return true._replace(camtoworlds=poses)
+
+
+def turned(true, rotvec, views=slice(None)):
+    """Cameras of which some are turned in their own frames."""
+    poses = true.camtoworlds.copy()
+    poses[views, :, :3] = poses[views, :, :3] @ Rotation.from_rotvec(rotvec).as_matrix()
+    return true._replace(camtoworlds=poses)
+
+
+def with_lens(true, *, focal=1.0, centre=(0.0, 0.0), views=slice(None)):
+    lenses = true.camtopix.copy()
+    lenses[views, :2, :2] *= focal
+    lenses[views, :2, 2] += centre
+    return true._replace(camtopix=lenses)
+
+
+def exchanged(true, one, other):
+    poses = true.camtoworlds.copy()
+    poses[[one, other]] = poses[[other, one]]
+    return true._replace(camtoworlds=poses)
+
+
+def error_px(true, found):
+    points = {
+        view: found.points.of_view(view)
+        for view in range(len(true.camtopix))
+        if len(found.points.seen[view])
+    }
+    return np.array(list(pose_error.distance_px(true, found.cameras, points).values()))
+
+
+def kinds(told):
+    return [fault["kind"] for fault in told["faults"]]
+
+
+def planted(case, true, rng):
+    """(given cameras, those that the photos have, the kinds that are named)."""
+    nearly = perturbed(true, 2.0, rng)
+    other = with_lens(true, focal=1.6, views=[1, 4, 7, 10])
+    anywhere = true.camtoworlds[rng.permutation(len(true.camtoworlds))]
+    return {
+        "right": (true, true, []),
+        "poses": (nearly, true, ["poses"]),
+        "focal length": (with_lens(true, focal=1.05), true, ["focal_length"]),
+        "centre": (with_lens(true, centre=(20, -6)), true, ["principal_point"]),
+        "focal length and poses": (
+            with_lens(nearly, focal=1.05),
+            true,
+            ["focal_length", "poses"],
+        ),
+        "zoom": (true, other, ["zoom"]),
+        "zoom and poses": (nearly, other, ["zoom", "poses"]),
+        "all turned": (turned(true, [0.1, 0, 0]), true, ["poses"]),
+        "two exchanged": (exchanged(true, 4, 5), true, ["views"]),
+        "one turned": (turned(true, [0.06, 0, 0], [6]), true, ["views"]),
+        "none of these": (
+            true._replace(camtoworlds=anywhere),
+            true,
+            ["unrelated"],
+        ),
+        "at one place": (
+            true._replace(camtoworlds=true.camtoworlds * [1, 1, 1, 1e-200]),
+            true,
+            ["unrelated"],
+        ),
+        "nearly at one place": (
+            true._replace(
+                camtoworlds=np.concatenate(
+                    [
+                        true.camtoworlds[:, :, :3],
+                        1e-3 * rng.normal(size=(len(true.camtopix), 3, 1)),
+                    ],
+                    axis=-1,
+                )
+            ),
+            true,
+            ["unrelated"],
+        ),
+    }[case]
+
+
+CASES = ["right", "poses", "focal length", "centre", "focal length and poses", "zoom"]
+CASES += ["zoom and poses", "all turned", "two exchanged", "one turned"]
+CASES += ["none of these", "at one place", "nearly at one place"]
+
+
+@pytest.mark.parametrize("case", CASES)
+def test_the_planted_fault_is_named_and_mended(rng, tmp_path, case):
+    base = made.cameras(arc=2.5)
+    given, true, named = planted(case, base, rng)
+    matched = made.matched(true, rng, points=300)
+    found, told = correction.correct(matched, given, tmp_path, 0, 1.0, lens=True)
+    assert kinds(told) == named
+    if not named:
+        assert found is None
+        assert "no gain" in told["why"]
+        return
+    assert told["accepted"]
+    assert np.median(error_px(true, found)) < 0.3
+    assert told["after_px"] < 0.3
+    if case in ("focal length", "centre", "zoom"):
+        # The lens is all that moves.
+        np.testing.assert_array_equal(found.cameras.camtoworlds, true.camtoworlds)
+
+
+def test_a_mistake_of_the_file_is_undone_first(rng, tmp_path):
+    true = made.cameras(arc=2.5)
+    given = true._replace(camtoworlds=mistakes.turned(true.camtoworlds))
+    found, told = correction.correct(
+        *(made.matched(true, rng), given, tmp_path, 0, 1.0),
+        lens=True,
+        convention="opencv",
+    )
+    assert kinds(told) == ["convention"]
+    assert told["before_px"] > 10 * told["after_px"]
+    np.testing.assert_allclose(found.cameras.camtoworlds, true.camtoworlds, atol=1e-12)
+
+
+def test_zooms_by_exif_alone(rng, tmp_path):
+    """Half of the photos have another zoom: none of the two is the usual one."""
+    given = made.cameras(arc=2.5)
+    true = with_lens(given, focal=1.5, views=slice(0, 6))
+    by_exif = true.camtopix[:, 0, 0] * 1.03
+    found, told = correction.correct(
+        *(made.matched(true, rng), given, tmp_path, 0, 1.0),
+        lens=True,
+        focal_px=by_exif,
+    )
+    assert kinds(told)[0] in ("zoom", "focal_length")
+    lengths = found.cameras.camtopix[:, 0, 0] / true.camtopix[:, 0, 0]
+    np.testing.assert_allclose(lengths, 1, atol=0.01)
+
+
+@pytest.mark.parametrize("bent", [True, False])
+def test_a_lens_is_found_where_the_matches_show_it(rng, tmp_path, bent):
+    true = made.cameras(distortion=(0.2, -0.05, 0, 0, 0) if bent else (0.0,) * 5)
+    given = perturbed(made.cameras(), 2.0, rng)
+    matched = made.matched(true, rng, points=900)
+    found, told = correction.correct(matched, given, tmp_path, 0, 1.0, lens=True)
+    if bent:
+        assert told["distortion"][0] == pytest.approx(0.2, abs=0.03)
+        assert kinds(told)[0] == "distortion"
+    else:
+        assert told["distortion"] is None
+    assert np.median(error_px(true, found)) < 0.3
+
+
+@pytest.mark.parametrize("points", [0, 8])
+def test_too_few_matches_change_nothing(rng, tmp_path, points):
+    true = made.cameras()
+    matched = made.matched(
+        true, rng, points=max(points, 1), unseen=() if points else range(12)
+    )
+    found, told = correction.correct(matched, true, tmp_path, 0, 1.0, lens=False)
+    assert found is None
+    assert "too few" in told["why"]
+
+
+def test_views_that_stay_wrong_are_named(rng):
+    true = made.cameras()
+    matched = made.matched(true, rng)
+    wrong = turned(true, [30 / made.FOCAL_PX, 0, 0], [6])
+    assert correction.still_off(matched, wrong, 1.0) == ["v06"]
+    assert correction.still_off(matched, true, 1.0) == []
+
+
+def test_matches_as_they_were_found_have_the_last_word(rng, tmp_path, monkeypatch):
+    """Finer cameras that they lose by are not taken, though better than the input."""
+    true = made.cameras()
+    given = perturbed(true, 6.0, rng)
+
+    def worse(adjusted, *args, **options):
+        cameras = perturbed(adjusted.cameras, 2.0, rng)
+        return adjusted._replace(cameras=cameras), {"accepted": True, "said": "finer"}
+
+    monkeypatch.setattr(bundle, "again", worse)
+    matched = made.matched(true, rng)
+    found, told = correction.correct(matched, given, tmp_path, 0, 1.0, lens=True)
+    assert told["again"]["accepted"] is False
+    assert "lose" in told["again"]["said"]
+    assert np.median(error_px(true, found)) < 0.6
+
+
+def test_cameras_of_other_photos_are_refused(rng, tmp_path):
+    """No pose fits, and COLMAP finds none either."""
+    true = made.cameras()
+    matched = made.matched(true, rng, wrong=1.0, points=150)
+    with pytest.raises(ValueError, match="do not fit these photos"):
+        correction.correct(matched, true, tmp_path, 0, 1.0, lens=True, where="scan")
