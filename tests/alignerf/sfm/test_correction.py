@@ -195,9 +195,21 @@ def test_matches_as_they_were_found_have_the_last_word(rng, tmp_path, monkeypatc
     assert np.median(error_px(true, found)) < 0.6
 
 
-def test_cameras_of_other_photos_are_refused(rng, tmp_path):
-    """No pose fits, and COLMAP finds none either."""
+def test_cameras_of_other_photos_are_refused(rng, tmp_path, monkeypatch):
+    """No pose fits, and COLMAP finds none either: it takes a minute to see that."""
+
+    def no_poses(*args, **options):
+        raise bundle.TooFewError("COLMAP finds no poses of v03")
+
+    monkeypatch.setattr(bundle, "anew", no_poses)
     true = made.cameras()
     matched = made.matched(true, rng, wrong=1.0, points=150)
-    with pytest.raises(ValueError, match="do not fit these photos"):
+    with pytest.raises(ValueError, match="do not fit these photos: .* v03"):
         correction.correct(matched, true, tmp_path, 0, 1.0, lens=True, where="scan")
+
+
+def test_views_that_new_poses_do_not_have_are_named(rng, tmp_path):
+    true = made.cameras()
+    matched = made.matched(true, rng, unseen=[7])
+    with pytest.raises(bundle.TooFewError, match="v07$"):
+        bundle.anew(matched, true, tmp_path, seed=0)
