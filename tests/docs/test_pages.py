@@ -3,6 +3,7 @@
 import re
 import shutil
 
+import pandas as pd
 import pytest
 import yaml
 
@@ -82,6 +83,12 @@ def test_every_csv_says_where_it_comes_from(root):
             assert re.fullmatch(f"# {name}: ({pattern})", line), f"{path}: {line}"
         assert not lines[len(HEAD)].startswith("#"), path
         assert not re.search(r"[*|`]", "".join(lines[len(HEAD) :])), path
+
+
+def test_no_csv_mixes_states_of_the_rules(root):
+    for path in (root / tables.MEASURED).glob("*.csv"):
+        table = pd.read_csv(path, comment="#")
+        assert "rules" not in table or table["rules"].nunique() == 1, path
 
 
 @pytest.mark.parametrize(

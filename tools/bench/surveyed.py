@@ -31,28 +31,28 @@ def main(argv=None):
         link.unlink(missing_ok=True)
         link.symlink_to(photo.resolve())
         survey = args.capture / "gt_dense_cameras" / f"{photo.name}.camera"
-        lens, pose = read(survey)
-        frame = {"file_path": f"images/{photo.name}", "transform_matrix": pose}
-        frames.append(frame | lens)
+        camtopix, pose, (width, height) = read(survey)
+        frame = {"file_path": f"images/{photo.name}"}
+        lens = camtopix[[0, 1, 0, 1], [0, 1, 2, 2]] / SHRINK
+        frame |= dict(zip(("fl_x", "fl_y", "cx", "cy"), lens, strict=True))
+        frame |= {"w": width // SHRINK, "h": height // SHRINK}
+        frames.append(frame | {"transform_matrix": pose.tolist()})
     (args.out / "transforms.json").write_text(json.dumps({"frames": frames}, indent=1))
 
 
 def read(path):
-    """({nerfstudio's name of an intrinsic: value}, pose [4, 4], of OpenGL's axes).
+    """(camtopix [3, 3], pose [4, 4] of OpenGL's axes, (width, height)) as surveyed.
 
     The file has K, three zeros, the rotation from camera to world and the centre, with
     COLMAP's axes, and the size in pixels.
     """
     lines = path.read_text().splitlines()
     rows = [[float(word) for word in line.split()] for line in lines]
-    (fx, _, cx), (_, fy, cy), _ = rows[:3]
-    values = {"fl_x": fx, "fl_y": fy, "cx": cx + 0.5, "cy": cy + 0.5}
-    values |= dict(zip(("w", "h"), rows[8], strict=True))
-    pose = np.eye(4)
+    camtopix, pose = np.array(rows[:3]), np.eye(4)
+    camtopix[:2, 2] += 0.5
     pose[:3, :3] = np.array(rows[4:7]) @ np.diag([1, -1, -1])
     pose[:3, 3] = rows[7]
-    lens = {name: value / SHRINK for name, value in values.items()}
-    return lens | {name: int(lens[name]) for name in ("w", "h")}, pose.tolist()
+    return camtopix, pose, tuple(map(int, rows[8]))
 
 
 if __name__ == "__main__":

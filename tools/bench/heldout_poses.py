@@ -1,0 +1,480 @@
+"""`make poses` on captures that it was not developed with, one planted mistake each.
+
+    python -m tools.bench.heldout_poses CAPTURES WORK --out FILE
+
+CAPTURES holds raw captures as `raw_captures` reads them. Each is written as a user's
+folder into WORK, once for each of CASES, and `make poses` is run on it there. A row
+says how far the cameras of the file are from the true ones, in px of the photo as
+written, how far those are that come out, and which faults were named. Rows that the CSV
+has are not run again. All are of one state of the rules, whose digest is `rules`: a CSV
+of another state is refused.
+"""
+
+import argparse
+import datetime
+import hashlib
+import json
+import os
+import platform
+import re
+import resource
+import shutil
+import subprocess
+import sys
+import tempfile
+import time
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pandas as pd
+from scipy.spatial.transform import Rotation
+
+from alignerf.exports import formats
+from alignerf.io import atomic, images, provenance
+from alignerf.scenes import cameras, distortion, prepare
+from alignerf.sfm import bundle, calibration, matches, mistakes, pose_error
+from tools.bench import raw_captures
+
+HELD_OUT = ("fountain-P11", "Herz-Jesus-P8", "Herz-Jesus-P25", "entry-P10")
+HELD_OUT += ("templeRing", "dtu_scan65")
+# Fewer points of a view say nothing of its camera.
+MIN_POINTS = 8
+FOCAL_TIMES, OFF_CENTRE, K1, ZOOM, SCALED = 1.05, 0.03, -0.08, 1.6, 1.02
+# What a refusal says -> the kind of fault that it names.
+REFUSALS = {
+    "its cameras have": "convention",
+    "is not a rotation": "convention",
+    "principal point": "principal_point",
+    "do not fit these photos": "unrelated",
+}
+
+
+def placed(capture, camtoworlds):
+    """The capture with poses [n, 3, 4] in its file."""
+    return capture._replace(given=capture.given._replace(camtoworlds=camtoworlds))
+
+
+def seen_by(capture, camtopix):
+    """The capture with intrinsics [n, 3, 3] in its file."""
+    return capture._replace(given=capture.given._replace(camtopix=camtopix))
+
+
+def off(px):
+    """A plant: cameras off by px, by turns and by centres."""
+
+    def plant(capture):
+        one, rng = capture.given, np.random.default_rng(0)
+        poses = one.camtoworlds, one.pixtocams
+        return placed(capture, cameras.perturb_poses(*poses, px, rng, by="both"))
+
+    return plant
+
+
+def with_axes(*columns):
+    """A plant: the axes of each camera are these combinations of OpenGL's."""
+    axes = np.array(columns, float).T
+
+    def plant(capture):
+        poses = capture.given.camtoworlds
+        turned = np.concatenate([poses[:, :, :3] @ axes, poses[:, :, 3:]], axis=-1)
+        return placed(capture, turned)
+
+    return plant
+
+
+def focal_long(capture):
+    return seen_by(
+        capture, capture.given.camtopix * [[FOCAL_TIMES], [FOCAL_TIMES], [1]]
+    )
+
+
+def off_centre(capture):
+    camtopix = capture.given.camtopix.copy()
+    camtopix[:, 0, 2] += OFF_CENTRE * capture.size[0]
+    return seen_by(capture, camtopix)
+
+
+def half_as_large(capture):
+    return seen_by(capture, capture.given.camtopix * [[0.5], [0.5], [1]])
+
+
+def inverted(capture):
+    return placed(capture, mistakes.inverted(capture.given.camtoworlds))
+
+
+def exchanged(capture):
+    poses, i = capture.given.camtoworlds.copy(), len(capture.names) // 2
+    poses[[i, i + 1]] = poses[[i + 1, i]]
+    return placed(capture, poses)
+
+
+def of_nothing(capture):
+    """Poses that look at the origin from anywhere on a sphere's upper half."""
+    backs = np.random.default_rng(0).normal(size=(len(capture.names), 3))
+    backs[:, 2] = np.abs(backs[:, 2])
+    backs /= np.linalg.norm(backs, axis=1, keepdims=True)
+    rights = np.cross([0.0, 0.0, 1.0], backs)
+    rights /= np.linalg.norm(rights, axis=1, keepdims=True)
+    axes = rights, np.cross(backs, rights), backs, 4 * backs
+    return placed(capture, np.stack(axes, axis=-1))
+
+
+def xyzw(capture):
+    """World-to-camera quaternions x y z w, read as w x y z."""
+    poses = mistakes.inverted(mistakes.turned(capture.given.camtoworlds))
+    quaternions = Rotation.from_matrix(poses[:, :, :3]).as_quat()
+    read = Rotation.from_quat(quaternions, scalar_first=True).as_matrix()
+    wrong = np.concatenate([read, poses[:, :, 3:]], axis=-1)
+    return placed(capture, mistakes.turned(mistakes.inverted(wrong)))
+
+
+def bent(capture):
+    """Photos of a lens with k1, so far magnified that all of it was photographed."""
+    true, (width, height) = capture.true, capture.size
+    pinhole, coefficients = true.camtopix[0], np.array([K1, 0.0, 0, 0, 0])
+    corners = np.array([[0.0, 0], [width, 0], [0, height], [width, height]])
+    lens = pinhole.copy()
+    while True:
+        reached = straight(corners, lens, coefficients, pinhole)
+        if (reached >= 0).all() and (reached <= capture.size).all():
+            break
+        lens[[0, 1], [0, 1]] *= 1.005
+    photos = resampled(
+        capture.photos, lambda xy: straight(xy, lens, coefficients, pinhole)
+    )
+    each = np.tile(lens, (len(photos), 1, 1))
+    now = true._replace(camtopix=each, distortion=true.distortion + coefficients)
+    return seen_by(capture._replace(photos=photos, true=now), each)
+
+
+def straight(xy, lens, coefficients, pinhole):
+    """Px [k, 2] of a pinhole's photo that a lens with a distortion shows at xy."""
+    found = calibration.pinhole_points(xy, lens, coefficients)
+    turn = pinhole @ np.linalg.inv(lens)
+    return found @ turn[:2, :2].T + turn[:2, 2]
+
+
+def zoomed(capture):
+    """Every third photo shows its middle alone, as large as the whole; poses stay."""
+    photos, lenses = list(capture.photos), capture.true.camtopix.copy()
+    middle, some = np.array(capture.size) / 2, slice(1, None, 3)
+    photos[some] = resampled(photos[some], lambda xy: (xy - middle) / ZOOM + middle)
+    lenses[some, :2, :2] *= ZOOM
+    lenses[some, :2, 2] = (lenses[some, :2, 2] - middle) * ZOOM + middle
+    return capture._replace(photos=photos, true=capture.true._replace(camtopix=lenses))
+
+
+def resampled(photos, source):
+    """Photos as large, whose pixels [k, 2] show what lies at source(pixels)."""
+    height, width = photos[0].shape[:2]
+    at = np.stack(np.meshgrid(np.arange(width), np.arange(height)), -1) + 0.5
+    maps = source(at.reshape(-1, 2)).reshape(height, width, 2) - 0.5
+    maps = np.moveaxis(maps, -1, 0).astype(np.float32)
+    border = cv2.BORDER_REPLICATE
+    return [cv2.remap(one, *maps, cv2.INTER_CUBIC, borderMode=border) for one in photos]
+
+
+def rolled(capture):
+    """Photos turned clockwise, with a lens that fits; poses are those of the sensor."""
+    height = capture.size[1]
+    to_turned = np.array([[0.0, -1, height], [1, 0, 0], [0, 0, 1]])
+    true, back = capture.true, np.array([[0.0, 1, 0], [-1, 0, 0], [0, 0, 1]])
+    camtopix = to_turned @ true.camtopix @ back
+    # In the turned photo the sensor's up is right, and its left is up.
+    poses = with_axes([0, 1, 0], [-1, 0, 0], [0, 0, 1])(capture).given.camtoworlds
+    photos = [np.ascontiguousarray(np.rot90(photo, -1)) for photo in capture.photos]
+    now = true._replace(camtopix=camtopix, camtoworlds=poses)
+    return seen_by(capture._replace(photos=photos, true=now), camtopix)
+
+
+def scaled(capture):
+    poses = capture.given.camtoworlds.copy()
+    poses[:, :, :3] *= SCALED
+    return placed(capture, poses)
+
+
+# {case: (what plants it, kinds of fault of which one is to come first)}; "" for none.
+CASES = {
+    "right": (lambda capture: capture, {""}),
+    "off_1.5_px": (off(1.5), {"poses"}),
+    "off_6_px": (off(6.0), {"poses"}),
+    "focal_5_percent_long": (focal_long, {"focal_length"}),
+    "centre_3_percent_off": (off_centre, {"principal_point"}),
+    "k1_left_out": (bent, {"distortion"}),
+    "every_third_zoomed": (zoomed, {"zoom"}),
+    "quaternions_xyzw": (xyzw, {"convention"}),
+    "axes_of_ros": (
+        with_axes([0, 0, -1], [-1, 0, 0], [0, 1, 0]),
+        {"convention"},
+    ),
+    "axes_of_opencv": (with_axes([1, 0, 0], [0, -1, 0], [0, 0, -1]), {"convention"}),
+    "world_to_camera": (inverted, {"convention"}),
+    "rolled_90_degrees": (rolled, {"convention"}),
+    "lens_of_half_the_size": (half_as_large, {"focal_length", "principal_point"}),
+    # Undone without a word, or named.
+    "rotations_times_1.02": (scaled, {"", "convention"}),
+    "neighbours_exchanged": (exchanged, {"views"}),
+    "of_other_photos": (of_nothing, {"unrelated"}),
+}
+# Its folder is a model of COLMAP's, where such quaternions stand.
+AS_COLMAP = "quaternions_xyzw"
+
+
+def main(argv=None):
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("captures_folder", type=Path, metavar="CAPTURES")
+    parser.add_argument("work", type=Path)
+    parser.add_argument("--captures", nargs="+", default=HELD_OUT)
+    parser.add_argument("--cases", nargs="+", default=[*CASES], choices=CASES)
+    parser.add_argument("--out", type=Path, required=True)
+    args = parser.parse_args(argv)
+    rules, every = digest(), raw_captures.places(args.captures_folder)
+    if missing := [name for name in args.captures if name not in every]:
+        raise SystemExit(f"{args.captures_folder}: no {', '.join(missing)}")
+    rows = rows_of(args.out, rules)
+    done = {(row["capture"], row["case"]) for row in rows}
+    for name in args.captures:
+        todo = [case for case in args.cases if (name, case) not in done]
+        if not todo:
+            continue
+        capture = raw_captures.read(every[name])
+        points = points_of(capture, args.work / "points" / f"{name}.npz")
+        for case in todo:
+            row = row_of(name, case, capture, points, args.work)
+            rows.append(row | {"rules": rules})
+            write(args.out, rows)
+            print(row, flush=True)
+    print(summary(pd.DataFrame(rows)))
+
+
+def digest():
+    """The first digits of the SHA-256 of what `make poses` judges cameras by."""
+    found = hashlib.sha256()
+    for package in ("sfm", "keypoints"):
+        for path in sorted((provenance.ROOT / "alignerf" / package).glob("*.py")):
+            found.update(path.name.encode() + b"\0" + path.read_bytes())
+    return found.hexdigest()[:12]
+
+
+def rows_of(path, rules):
+    """The rows of a CSV that is there; ValueError where they are of other rules."""
+    if not path.is_file():
+        return []
+    types = {"rules": str}
+    table = pd.read_csv(path, comment="#", keep_default_na=False, dtype=types)
+    if others := sorted({*table["rules"]} - {rules}):
+        raise ValueError(
+            f"{path}: its rows are of the rules {', '.join(others)}, not {rules}: "
+            "move it away to measure all of them"
+        )
+    return table.to_dict("records")
+
+
+def write(path, rows):
+    """Write the CSV below the lines that say where it comes from."""
+    table = pd.DataFrame(rows)
+    names = " ".join(table["capture"].unique())
+    head = {
+        "commit": provenance.commit(),
+        "lock": provenance.lock(),
+        "machine": f"{os.cpu_count()} cores of a shared {platform.machine()} machine",
+        "command": "python -m tools.bench.heldout_poses CAPTURES WORK --captures "
+        f"{names} --out FILE",
+        "measured": datetime.date.today(),
+    }
+    lines = "".join(f"# {key}: {value}\n" for key, value in head.items())
+    with atomic.replace_file(path) as temporary:
+        temporary.write_text(lines + table.to_csv(index=False))
+
+
+def points_of(capture, path):
+    """{view: [k, 3]} points of the world that the true cameras triangulate; kept."""
+    if not path.is_file():
+        path.parent.mkdir(parents=True, exist_ok=True)
+        with tempfile.TemporaryDirectory(dir=path.parent) as work:
+            width, height = capture.size
+            views = prepare.PosedViews(
+                *(capture.names, capture.true.pixtocams, capture.true.camtoworlds),
+                *(width, height),
+                photos=list(map(prepare.Photo, capture.photos)),
+            )
+            found = matches.find(views, work, max_size_px=width, seed=0)
+            points, _ = bundle.triangulate(found, capture.true, work, seed=0)
+        each = {str(v): points.of_view(v) for v in range(len(capture.names))}
+        np.savez(path, **each)
+    with np.load(path) as arrays:
+        return {int(view): arrays[view] for view in arrays.files}
+
+
+def row_of(name, case, capture, points, work):
+    """Plant a mistake in a capture, run `make poses` on it, and say what came of it."""
+    plant, kinds = CASES[case]
+    planted = plant(capture)
+    run_name = f"{name}_{case}".replace(".", "_")
+    folder, out = work / "scans" / run_name, work / "results" / run_name
+    for old in (folder, out):
+        shutil.rmtree(old, ignore_errors=True)
+    (work / "results" / f"{run_name}.yaml").unlink(missing_ok=True)
+    write_scan(folder, planted, colmap=case == AS_COLMAP)
+    code, line, wall_s, cpu_s = run(folder.relative_to(work), run_name, work)
+    report, now = outcome(out / "adjusted", planted)
+    named = [fault["kind"] for fault in report.get("faults", [])]
+    named += [kind for words, kind in REFUSALS.items() if code and words in line][:1]
+    seen = in_photo(planted, points)
+    before, after = (off_px(one, planted.true, seen) for one in (planted.given, now))
+    return {
+        "capture": name,
+        "width": planted.size[0],
+        "views": len(planted.names),
+        "case": case,
+        "epipolar_px": report.get("epipolar_px"),
+        "planted_px": round(float(np.median(before)), 3),
+        "left_px": round(float(np.median(after)), 3),
+        "worst_px": round(float(np.max(after)), 3),
+        "named": " ".join(named),
+        "right": "yes" if (named or [""])[0] in kinds else "no",
+        "line": line,
+        "code": code,
+        "wall_s": round(wall_s, 1),
+        "cpu_s": round(cpu_s, 1),
+    }
+
+
+def write_scan(folder, capture, *, colmap=False):
+    """Write photos and cameras as a user has them; the cameras are those given."""
+    for name, photo in zip(capture.names, capture.photos, strict=True):
+        images.write(folder / "images" / f"{name}.png", photo)
+    if colmap:
+        write_model(folder / "sparse" / "0", capture)
+        return
+    width, height = capture.size
+    arrays = {
+        "names": np.array(capture.names),
+        "split": np.array(["train"] * len(capture.names)),
+        "pixtocams": capture.given.pixtocams,
+        "camtoworlds": capture.given.camtoworlds,
+        "width": width,
+        "height": height,
+    }
+    formats.write_transforms(folder / "transforms.json", arrays)
+
+
+def write_model(folder, capture):
+    """Write COLMAP's text files of one camera and no points."""
+    folder.mkdir(parents=True)
+    lens = capture.given.camtopix[0][[0, 1, 0, 1], [0, 1, 2, 2]].tolist()
+    text = " ".join(map(repr, [*capture.size, *lens]))
+    (folder / "cameras.txt").write_text(f"1 PINHOLE {text}\n")
+    poses = mistakes.inverted(mistakes.turned(capture.given.camtoworlds))
+    lines = []
+    for i, (name, pose) in enumerate(zip(capture.names, poses, strict=True), 1):
+        turn = Rotation.from_matrix(pose[:, :3]).as_quat(scalar_first=True)
+        numbers = " ".join(map(repr, [*turn.tolist(), *pose[:, 3].tolist()]))
+        lines.append(f"{i} {numbers} 1 {name}.png\n\n")
+    (folder / "images.txt").write_text("".join(lines))
+    (folder / "points3D.txt").write_text("")
+
+
+def run(folder, name, work):
+    """(exit code, the line that it prints, wall and CPU seconds) of `make poses`."""
+    command = [sys.executable, "-m", "alignerf", "poses", str(folder), "--name", name]
+    environment = os.environ | {"PYTHONPATH": str(provenance.ROOT)}
+    started, before = time.monotonic(), resource.getrusage(resource.RUSAGE_CHILDREN)
+    done = subprocess.run(
+        command, cwd=work, env=environment, capture_output=True, text=True
+    )
+    after = resource.getrusage(resource.RUSAGE_CHILDREN)
+    cpu_s = sum(after[:2]) - sum(before[:2])
+    if done.returncode:
+        said = done.stderr.strip().splitlines()[-1:]
+    else:
+        lines = done.stdout.splitlines()
+        said = [one.removeprefix(f"{name}: ") for one in lines if "results/" not in one]
+    # What a CSV of the docs has none of.
+    line = re.sub(r"[*|#]", "", "; ".join(said)).replace("`", "'")
+    return done.returncode, line, time.monotonic() - started, cpu_s
+
+
+def outcome(folder, capture):
+    """(the report, {} without one; the cameras that came out, in px of the photos)."""
+    if not (folder / "report.json").is_file():
+        return {}, capture.given
+    report = json.loads((folder / "report.json").read_text())
+    if not (folder / "transforms.json").is_file():
+        return report, capture.given
+    scene = json.loads((folder / "transforms.json").read_text())
+    frames = {Path(frame["file_path"]).stem: frame for frame in scene["frames"]}
+    ordered = [frames[name] for name in capture.names]
+    camtopix = np.array(
+        [[[f["fl_x"], 0, f["cx"]], [0, f["fl_y"], f["cy"]], [0, 0, 1]] for f in ordered]
+    )
+    poses = np.array([frame["transform_matrix"] for frame in ordered])[:, :3]
+    bends = np.zeros((len(ordered), 5))
+    if coefficients := report["adjustment"].get("distortion"):
+        bends[:] = coefficients
+        camtopix = np.stack([lens_of(one, bends[0], capture.size) for one in camtopix])
+    return report, calibration.Cameras(camtopix, poses, bends)
+
+
+def lens_of(pinhole, coefficients, size):
+    """The intrinsics whose photo is this pinhole's where its distortion is undone."""
+    found = pinhole.copy()
+    for _ in range(6):
+        found += pinhole - distortion.pinhole_camera(found, coefficients, *size)
+    return found
+
+
+def in_photo(capture, points):
+    """{view: the points [k, 3] that its photo shows}, of views that show enough."""
+    found = {}
+    for view, xyz in points.items():
+        xy = pixels(capture.true, view, xyz)
+        shown = xyz[((xy > 0) & (xy < capture.size)).all(axis=1)]
+        if len(shown) >= MIN_POINTS:
+            found[view] = shown
+    return found
+
+
+def off_px(now, true, points):
+    """[n] of each view, how far apart its two cameras put its points: the median.
+
+    As `pose_error.distance_px`, at most its FAR_PX, of lenses with a distortion too.
+    """
+    scale, turn, shift = pose_error.fit(now, true, points)
+    found = []
+    for view, xyz in points.items():
+        moved = scale * xyz @ turn.T + shift
+        off = pixels(now, view, moved) - pixels(true, view, xyz)
+        px = np.linalg.norm(off, axis=-1)
+        found.append(np.median(np.where(px < pose_error.FAR_PX, px, pose_error.FAR_PX)))
+    return np.array(found)
+
+
+def pixels(of, view, points):
+    """Px [k, 2] at which a view's camera sees points [k, 3]."""
+    own, lens = of.camtoworlds[view], of.camtopix[view]
+    seen = (points - own[:, 3]) @ own[:, :3] @ cameras.OPENGL_FROM_OPENCV
+    return distortion.distort_points(
+        seen[:, :2] / seen[:, 2:], lens, of.distortion[view]
+    )
+
+
+def summary(table):
+    """How often each case was named right, and the px before and after."""
+    table = table.assign(is_right=table["right"] == "yes")
+    by_case = table.groupby("case", sort=False).agg(
+        captures=("capture", "count"),
+        right=("is_right", "sum"),
+        planted_px=("planted_px", "median"),
+        left_px=("left_px", "median"),
+        worst_px=("worst_px", "max"),
+        wall_s=("wall_s", "median"),
+        cpu_s=("cpu_s", "median"),
+    )
+    count = table["is_right"].sum()
+    return f"{by_case.to_string()}\n{count} of {len(table)} right"
+
+
+if __name__ == "__main__":
+    main()
