@@ -10,7 +10,7 @@ from alignerf.io import images
 from alignerf.scenes import cameras, distortion
 from alignerf.sfm import mistakes
 from tests.alignerf.sfm import made
-from tools.bench import heldout_poses, raw_captures
+from tools.bench import camera_plants, heldout_poses, raw_captures
 
 COUNT = 6
 SIZE = made.WIDTH, made.HEIGHT
@@ -96,9 +96,9 @@ def test_raw_captures_are_read_as_they_are_meant(
     np.testing.assert_allclose(found.true.camtoworlds, true.camtoworlds, atol=1e-6)
 
 
-@pytest.mark.parametrize("case", heldout_poses.CASES)
+@pytest.mark.parametrize("case", camera_plants.CASES)
 def test_photos_show_what_the_true_cameras_see(case, capture, points):
-    planted = heldout_poses.CASES[case][0](capture)
+    planted = camera_plants.CASES[case][0](capture)
     shown = heldout_poses.in_photo(planted, points)
     assert len(shown) == COUNT
     for view, xyz in shown.items():
@@ -109,9 +109,9 @@ def test_photos_show_what_the_true_cameras_see(case, capture, points):
         assert off_px.max() < 2.5, case
 
 
-@pytest.mark.parametrize("case", heldout_poses.CASES)
+@pytest.mark.parametrize("case", camera_plants.CASES)
 def test_only_right_cameras_are_right(case, capture, points):
-    planted = heldout_poses.CASES[case][0](capture)
+    planted = camera_plants.CASES[case][0](capture)
     shown = heldout_poses.in_photo(planted, points)
     off_px = heldout_poses.off_px(planted.given, planted.true, shown)
     if case in ("right", "rotations_times_1.02"):
@@ -129,14 +129,14 @@ def test_only_right_cameras_are_right(case, capture, points):
     [("axes_of_opencv", "opencv"), ("world_to_camera", "world_to_camera")],
 )
 def test_a_convention_is_that_which_is_undone(case, convention, capture):
-    given = heldout_poses.CASES[case][0](capture).given.camtoworlds
+    given = camera_plants.CASES[case][0](capture).given.camtoworlds
     undone = mistakes.undone(convention, capture.names, given)
     np.testing.assert_allclose(undone, capture.true.camtoworlds, atol=1e-12)
 
 
 @pytest.mark.parametrize("colmap", [False, True])
 def test_a_scan_is_read_as_it_was_given(colmap, capture, tmp_path):
-    planted = heldout_poses.xyzw(capture)
+    planted = camera_plants.xyzw(capture)
     heldout_poses.write_scan(tmp_path / "scan", planted, colmap=colmap)
     ((_, scene),) = folders.scenes_of(typed.meant(tmp_path / "scan", "poses")).items()
     args = poses.parse([str(tmp_path / "scan")])
