@@ -168,15 +168,12 @@ CASES = {
     "k1_left_out": (bent, {"distortion"}),
     "every_third_zoomed": (zoomed, {"zoom"}),
     "quaternions_xyzw": (xyzw, {"convention"}),
-    "axes_of_ros": (
-        with_axes([0, 0, -1], [-1, 0, 0], [0, 1, 0]),
-        {"convention"},
-    ),
+    "axes_of_ros": (with_axes([0, 0, -1], [-1, 0, 0], [0, 1, 0]), {"convention"}),
     "axes_of_opencv": (with_axes([1, 0, 0], [0, -1, 0], [0, 0, -1]), {"convention"}),
     "world_to_camera": (inverted, {"convention"}),
     "rolled_90_degrees": (rolled, {"convention"}),
-    "lens_of_half_the_size": (half_as_large, {"focal_length", "principal_point"}),
-    # Undone without a word, or named.
+    # Undone where the file is read, or named.
+    "lens_of_half_the_size": (half_as_large, {"", "focal_length", "principal_point"}),
     "rotations_times_1.02": (scaled, {"", "convention"}),
     "neighbours_exchanged": (exchanged, {"views"}),
     "of_other_photos": (of_nothing, {"unrelated"}),

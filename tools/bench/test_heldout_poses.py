@@ -4,8 +4,6 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from alignerf.captures import typed
-from alignerf.cli import folders, poses
 from alignerf.io import images
 from alignerf.scenes import cameras, distortion
 from alignerf.sfm import mistakes
@@ -138,13 +136,9 @@ def test_a_convention_is_that_which_is_undone(case, convention, capture):
 def test_a_scan_is_read_as_it_was_given(colmap, capture, tmp_path):
     planted = camera_plants.xyzw(capture)
     heldout_poses.write_scan(tmp_path / "scan", planted, colmap=colmap)
-    ((_, scene),) = folders.scenes_of(typed.meant(tmp_path / "scan", "poses")).items()
-    args = poses.parse([str(tmp_path / "scan")])
-    config = poses.config_of(scene, args, tmp_path / "scan")
-    views, *_ = poses.base.of(config).read(config, tmp_path)
-    given = planted.given
-    np.testing.assert_allclose(views.camtoworlds, given.camtoworlds, atol=1e-6)
-    np.testing.assert_allclose(views.pixtocams, given.pixtocams, atol=1e-9)
+    found, given = heldout_poses.as_read(tmp_path / "scan", planted), planted.given
+    np.testing.assert_allclose(found.camtoworlds, given.camtoworlds, atol=1e-6)
+    np.testing.assert_allclose(found.camtopix, given.camtopix, atol=1e-6)
 
 
 def test_the_lens_behind_an_undistorted_photo_is_found(rng):
