@@ -105,6 +105,8 @@ def kinds_of(folder):
 
 def shot_of(name, photo, path):
     """The Shot of a camera's file."""
+    import numpy as np
+
     from alignerf.scenes.formats import shots
 
     content = json_files.read(path, KINDS)
@@ -120,7 +122,7 @@ def shot_of(name, photo, path):
         photo=photo,
         camtopix=shots.pinhole(path, values, where="its camera"),
         size=tuple(map(float, size)) if len(size) == len(SIZE) else None,
-        camtoworld=shots.pose(matrix, where=f"{path}: t_00 to t_22"),
+        camtoworld=np.array(matrix, np.float64),
     )
 
 

@@ -144,7 +144,7 @@ def pose_of(path, values, number):
 
     where = f"poses[{number}]"
     values = shots.numbers(path, values, where, 7)
-    rotation = shots.rotation_of(values[:4], where=f"{path}: {where}")
+    rotation = shots.rotation_of(values[:4])
     return np.concatenate([rotation, values[4:, None]], axis=-1)
 
 

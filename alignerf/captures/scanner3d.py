@@ -81,7 +81,7 @@ def shot_of(name, photo, path):
         photo=photo,
         camtopix=shots.pinhole(path, values, where=LENS, centre_px=CENTRE_PX),
         size=None,
-        camtoworld=shots.pose(matrix, where=f"{path}: {POSE}"),
+        camtoworld=matrix[:3],
     )
 
 

@@ -6,11 +6,14 @@ with OpenGL axes (x right, y up, z backwards); pixel (x, y) has its centre at
 `_px` in pixels. Functions work on NumPy and on JAX arrays alike.
 """
 
+import logging
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from alignerf.io import faults
+
+log = logging.getLogger(__name__)
 
 # Of NumPy or of JAX, which most users of cameras need not wait for.
 Array = Any
@@ -23,6 +26,9 @@ FIELD = 1e-6, 1e6
 MAX_OFF_CENTRE = 100
 # Files print six digits; what is further from a rotation is scaled or mirrored.
 ROTATION_ERROR = 1e-2
+# By how much a rotation in a file may stretch lengths, and by how much without a word:
+# four decimals do so.
+STRETCH, ROUNDING = 0.05, 2e-4
 
 # OpenCV axes (x right, y down, z forwards) from OpenGL axes, and back.
 OPENGL_FROM_OPENCV = np.diag([1.0, -1.0, -1.0])
@@ -124,6 +130,47 @@ def check(where, names, pixtocams, camtoworlds, size):
             raise ValueError(
                 f"{where}: " + fault.format(f"of view {faults.shown(str(name))}")
             )
+
+
+def nearest_rotations(where, names, poses):
+    """Poses [n, 3, 3 or 4] of a file with the rotations nearest to those in it.
+
+    names [n]: of its frames or photos. The furthest from a rotation is told. Raises
+    ValueError with `where` and a name for one that stretches by more than STRETCH.
+    """
+    finite = np.isfinite(poses[:, :, :3]).all(axis=(1, 2))
+    matrices = np.where(finite[:, None, None], poses[:, :, :3], 0.0)
+    # Apart from their size, as 1e200 has no square.
+    size = np.abs(matrices).max(axis=(1, 2))
+    u, ratios, vt = np.linalg.svd(matrices / np.where(size > 0, size, 1)[:, None, None])
+    rotations, stretch = u @ vt, ratios * np.fmin(size, 1e300)[:, None]
+    off = np.where(finite, np.abs(stretch - 1).max(axis=1), np.inf)
+    mirrored = np.linalg.det(rotations) < 0
+    if not (near := (off <= STRETCH) & ~mirrored).all():
+        times, alike = stretch.mean(axis=1), ratios[:, 2] > (1 - STRETCH) * ratios[:, 0]
+        if (alike & ~mirrored).all() and np.ptp(times) < STRETCH * times.min():
+            raise ValueError(
+                f"{where}: its rotations are scaled by {np.median(times):.4g}: divide "
+                "them by that (of a matrix the first three columns, or its scale)"
+            )
+        i = int(np.argmin(near))
+        least, most = stretch[i, [2, 0]]
+        why = f"is none: it stretches lengths {least:.3g} to {most:.3g} times"
+        if not finite[i]:
+            why = "is not finite"
+        elif alike[i] and mirrored[i]:
+            why = "is mirrored (its determinant is negative): turn one axis round"
+        elif alike[i]:
+            why = f"is scaled by {times[i]:.4g}, unlike that of others"
+        raise ValueError(
+            f"{where}: the rotation of {faults.shown(str(names[i]))} {why}"
+        )
+    if len(off) and off.max() > ROUNDING:
+        log.warning(
+            "%s: rotations are inexact, that of %s by %.2g %%: the nearest are taken",
+            *(where, faults.name_of(str(names[int(off.argmax())])), 100 * off.max()),
+        )
+    return np.concatenate([rotations, poses[:, :, 3:]], axis=-1)
 
 
 def project(points, pixtocam, camtoworld):

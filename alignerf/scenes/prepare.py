@@ -137,17 +137,6 @@ def matrix_of(value, *shapes):
     return np.array(value, np.float64)
 
 
-def nearest_rotation(matrix, *, where):
-    """The rotation [3, 3] nearest to a printed one; ValueError where none is near."""
-    # No entry is above 1, and what is far above has no square.
-    short = np.clip(matrix, -2, 2)
-    off = np.abs(short @ short.T - np.eye(3)).max()
-    if off > cameras.ROTATION_ERROR or np.linalg.det(matrix) < 0:
-        raise ValueError(f"{where} is not a rotation")
-    u, _, vt = np.linalg.svd(matrix)
-    return u @ vt
-
-
 def join(groups: list[PosedViews], *, masked) -> PosedViews:
     """The views of all groups, which have one size, one group after the other.
 

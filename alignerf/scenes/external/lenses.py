@@ -17,7 +17,7 @@ import numpy as np
 import pycolmap
 
 from alignerf.io import faults, json_files
-from alignerf.scenes import prepare
+from alignerf.scenes import cameras, prepare
 from alignerf.scenes.formats import colmap_models, transforms
 from alignerf.scenes.programs import base as programs
 from alignerf.scenes.programs import reading
@@ -165,6 +165,7 @@ def of_json(path, photo_size) -> Cameras:
         applied = np.vstack([applied, [0, 0, 0, 1]])
         applied = applied if abs(np.linalg.det(applied)) > 1e-12 else None
     points = points_of(path, scene)
+    lenses = with_rotations(path, lenses)
     return Cameras(lenses, "transforms.json", points, splits, applied)
 
 
@@ -231,7 +232,16 @@ def of_program(path, photo_size) -> Cameras:
     for shot in reading.read(path):
         own = programs.sized(shot, photo_size)
         lenses[shot.name] = Lens(own.camtopix, own.distortion, own.size, own.camtoworld)
+    lenses = with_rotations(path, lenses)
     return Cameras(lenses, f"{path.name} of {reading.reader_of(path).NAME}", None)
+
+
+def with_rotations(path, lenses):
+    """The same {photo: Lens}; rotations as of `cameras.nearest_rotations`."""
+    poses = np.stack([lens.pose for lens in lenses.values()])
+    poses = cameras.nearest_rotations(path, [*lenses], poses)
+    each = zip(lenses.items(), poses, strict=True)
+    return {name: lens._replace(pose=pose) for (name, lens), pose in each}
 
 
 def guessed(size):

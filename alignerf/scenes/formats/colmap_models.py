@@ -25,6 +25,7 @@ import numpy as np
 import pycolmap
 
 from alignerf.io import faults
+from alignerf.scenes import cameras as scene_cameras
 from alignerf.scenes import colmap, photo_names, photos
 
 log = logging.getLogger(__name__)
@@ -51,7 +52,6 @@ MAX_TEXT_BYTES = 2**30
 OF_IMAGE = 10
 # Numbers of parameters by the model's number.
 PARAMETERS = (3, 4, 4, 5, 8, 8, 12, 5, 4, 5, 12, 16, 4, 5, 3, 4, 6, 2)
-LENGTH_ERROR = 1e-2
 # Of a file: COLMAP's own reader takes several times as much.
 MAX_BYTES = 2**32
 OF_POINT_2D, OF_TRACK, OF_DATA = 24, 8, 16
@@ -218,6 +218,7 @@ def read(path):
             first = " ".join(str(error).splitlines()[:1])
             reason = f"a file is missing, truncated or damaged ({first})"
             raise ValueError(f"{path}: not a COLMAP model: {reason}") from None
+    normalize(model)
     views = {}
     for image in model.images.values():
         if not image.has_pose:
@@ -241,22 +242,34 @@ def read(path):
     return views, (positions, np.array([point.color for point in points], np.uint8))
 
 
-def is_rotation(quaternion):
-    """Whether four numbers have length 1, as files print them.
+def check_lengths(path, turns):
+    """ValueError as of `cameras.nearest_rotations`; turns: {name: its quaternion}.
 
     COLMAP's reader would take one of length 0 for no turn.
     """
-    return len(quaternion) == 4 and abs(math.hypot(*quaternion) - 1) < LENGTH_ERROR
+    lengths = np.array([math.hypot(*turn) for turn in turns.values()])
+    scaled = lengths[:, None, None] * np.eye(3)
+    scene_cameras.nearest_rotations(path, [*turns], scaled)
+
+
+def normalize(model):
+    """Make quaternions of length 1 in a pycolmap.Reconstruction, as read."""
+    poses = [f.rig_from_world for f in model.frames.values() if f.has_pose()]
+    for rig in model.rigs.values():
+        poses += filter(None, rig.non_ref_sensors.values())
+    for pose in poses:
+        pose.rotation.normalize()
 
 
 class Walk:
     """A position in the content of a binary file, which moves forwards by entries.
 
     Each method but the first three passes one entry of the file of its name.
+    turns: {name: quaternion} of the poses that were passed.
     """
 
     def __init__(self, content):
-        self.content, self.place = content, 0
+        self.content, self.place, self.turns = content, 0, {}
 
     def read(self, form):
         """The numbers here; struct.error beyond the end."""
@@ -269,10 +282,6 @@ class Walk:
         (count,) = self.read(form)
         self.place += size * count
 
-    def pose(self):
-        if not is_rotation(self.read("<7d")[:4]):
-            raise ValueError("a quaternion is not of length 1")
-
     def cameras(self):
         _, number, *_ = self.read("<iiQQ")
         if not 0 <= number < len(PARAMETERS):
@@ -281,9 +290,11 @@ class Walk:
 
     def images(self):
         self.read("<I")
-        self.pose()
+        turn = self.read("<7d")[:4]
         self.read("<I")
-        self.place = self.content.index(b"\0", self.place) + 1
+        start, self.place = self.place, self.content.index(b"\0", self.place) + 1
+        name = self.content[start : self.place - 1].decode(errors="replace")
+        self.turns[name] = turn
         self.skip(OF_POINT_2D, "<Q")
 
     def points3D(self):
@@ -291,16 +302,17 @@ class Walk:
         self.skip(OF_TRACK, "<Q")
 
     def frames(self):
-        self.read("<II")
-        self.pose()
+        number, _ = self.read("<II")
+        self.turns[f"frame {number}"] = self.read("<7d")[:4]
         self.skip(OF_DATA, "<I")
 
     def rigs(self):
         _, sensors = self.read("<II")
         self.read("<Q" if sensors else "")
         for _ in range(sensors - 1):
-            if self.read("<QB")[1]:
-                self.pose()
+            _, number, has_pose = self.read("<IIB")
+            if has_pose:
+                self.turns[f"sensor {number}"] = self.read("<7d")[:4]
 
 
 def check_binaries(folder):
@@ -319,6 +331,7 @@ def check_binaries(folder):
                 raise ValueError(f"{len(walk.content) - walk.place} bytes too many")
         except (ValueError, OverflowError, struct.error) as error:
             raise ValueError(f"{path}: truncated or damaged: {error}") from None
+        check_lengths(path, walk.turns)
 
 
 def lines_of(path):
@@ -362,16 +375,15 @@ def check_texts(folder):
     text_of(folder / "cameras.txt")
     if (points := folder / "points3D.txt").exists():
         text_of(points)
-    path, names = folder / "images.txt", {}
+    path, names, turns = folder / "images.txt", {}, {}
     for number, line, _ in image_lines(path):
         words = line.split(maxsplit=OF_IMAGE - 1)
         if len(words) != OF_IMAGE or not words[0].isdecimal():
             raise ValueError(f"{path}: line {number}: not an image: cut short?")
-        if not is_pose(words[1:8]):
-            raise ValueError(
-                f"{path}: line {number}: {faults.name_of(words[9])} has no pose"
-            )
-        names[int(words[0])] = words[9]
+        named = faults.name_of(words[9])
+        turn = turn_of(words[1:8], f"{path}: line {number}: {named}")
+        names[int(words[0])], turns[words[9]] = words[9], turn
+    check_lengths(path, turns)
     check_further_poses(folder)
     return names
 
@@ -419,10 +431,12 @@ def link_without_points(folder, to):
 def check_further_poses(folder):
     """`check_texts` of frames.txt and rigs.txt, from which COLMAP takes poses, too."""
     for name, poses_of in (("frames", pose_of_frame), ("rigs", poses_of_sensors)):
-        path = Path(folder) / f"{name}.txt"
+        path, turns = Path(folder) / f"{name}.txt", {}
         for number, line in lines_of(path) if path.is_file() else ():
-            if line and not all(map(is_pose, poses_of(line.split()))):
-                raise ValueError(f"{path}: line {number}: a line without a pose")
+            for k, words in enumerate(poses_of(line.split()) if line else (), 1):
+                at = f"line {number}, pose {k}"
+                turns[at] = turn_of(words, f"{path}: line {number}")
+        check_lengths(path, turns)
 
 
 def pose_of_frame(words):
@@ -443,11 +457,10 @@ def poses_of_sensors(words):
     return found
 
 
-def is_pose(words):
-    """Whether seven words are a quaternion of length 1 and a place."""
-    try:
+def turn_of(words, where):
+    """The quaternion of seven words of a pose; ValueError where these are none."""
+    with contextlib.suppress(ValueError):
         values = [float(word) for word in words]
-    except ValueError:
-        return False
-    finite = len(values) == 7 and all(map(math.isfinite, values))
-    return finite and is_rotation(values[:4])
+        if len(values) == 7 and all(map(math.isfinite, values)):
+            return values[:4]
+    raise ValueError(f"{where} has no pose")

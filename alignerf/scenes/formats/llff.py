@@ -19,6 +19,7 @@ import numpy as np
 import pycolmap
 
 from alignerf.io import archives, faults
+from alignerf.scenes import cameras as scene_cameras
 from alignerf.scenes import colmap, photos, prepare
 from alignerf.scenes.formats import shots
 
@@ -52,10 +53,13 @@ def read(folder, chosen=None, masks=None) -> prepare.PosedViews:
     where = [f"{path}: row {i} ({name})" for i, name in enumerate(images)]
     cameras_bin = folder / "sparse" / "0" / "cameras.bin"
     cameras = _cameras(cameras_bin, rows[:, :, 4], where)
+    turns = rows[:, :, :3] @ LLFF_FROM_OPENGL
+    poses = np.concatenate([turns, rows[:, :, 3:4]], axis=-1)
+    poses = scene_cameras.nearest_rotations(path, list(images), poses)
     own = [
-        shots.Shot(name, image, camtopix, size, _pose(row, at), coefficients)
-        for (name, image), (camtopix, coefficients, size), row, at in zip(
-            images.items(), cameras, rows, where, strict=True
+        shots.Shot(name, image, camtopix, size, pose, coefficients)
+        for (name, image), (camtopix, coefficients, size), pose in zip(
+            images.items(), cameras, poses, strict=True
         )
     ]
     return shots.views_of(own, cameras_bin, masks=masks)._replace(bounds=bounds)
@@ -147,9 +151,3 @@ def _check_same_camera(sizes_and_focals, camera, where, path):
             raise ValueError(
                 f"{place}: focal length {focal_px:g} px, but {expected:g} in {path}"
             )
-
-
-def _pose(row, where):
-    """Camera-to-world [3, 4] with OpenGL axes of a row [3, 5]."""
-    rotation = prepare.nearest_rotation(row[:, :3] @ LLFF_FROM_OPENGL, where=where)
-    return np.concatenate([rotation, row[:, 3:4]], axis=-1)

@@ -10,15 +10,13 @@ from typing import NamedTuple
 import numpy as np
 
 from alignerf.io import faults
-from alignerf.scenes import photos, prepare
+from alignerf.scenes import cameras, photos, prepare
 from alignerf.scenes.capture import canvas, ingest
 
 log = logging.getLogger(__name__)
 
 # Of any number in a file.
 LARGEST = 1e12
-# How far a quaternion may be from length 1.
-LENGTH_ERROR = 1e-2
 # Numbers may be of photos so many times as large, whose middle lies as near to the
 # principal point, as a share.
 TIMES, NEAR_MIDDLE = (2, 4, 8, 1 / 2, 1 / 4, 1 / 8), 0.15
@@ -36,7 +34,7 @@ class Shot(NamedTuple):
     size: tuple[float, float] | None
     """(width, height); None where the file does not say, so it is the photo's."""
     camtoworld: np.ndarray
-    """[3, 4], OpenGL axes."""
+    """[3, 4], OpenGL axes; its rotation as the file has it, which may be scaled."""
     distortion: np.ndarray = np.zeros(5)
     mask: Path | None = None
 
@@ -50,8 +48,11 @@ def views_of(
     sizes are laid on one canvas. Rows are taken as stored, as cameras of others mean
     them, or upright where only that fits a camera's size. masks, root: as of
     `ingest.find_masks`; None: those of the shots. where: the file or folder, named in a
-    ValueError for photos that are broken or not of their camera's shape.
+    ValueError for photos that are broken or not of their camera's shape, and as of
+    `cameras.nearest_rotations`.
     """
+    given = np.stack([shot.camtoworld for shot in shots])
+    poses = cameras.nearest_rotations(where, [shot.name for shot in shots], given)
     if masks:
         paths = [shot.photo for shot in shots]
         each = zip(shots, ingest.find_masks(masks, paths, root), strict=True)
@@ -101,7 +102,7 @@ def views_of(
         [shot.name for shot in shots],
         lenses,
         sizes,
-        np.stack([shot.camtoworld for shot in shots]),
+        poses,
         camera_of=[0] * len(shots),
         photos=pictures,
         masks=hidden if any(shot.mask for shot in shots) else None,
@@ -222,21 +223,12 @@ def pinhole(path, values, *, where, centre_px=0.0):
     return np.array([[fx, 0, cx + centre_px], [0, fy, cy + centre_px], [0, 0, 1]])
 
 
-def pose(matrix, *, where):
-    """Camera-to-world [3, 4] of a printed one; ValueError where it is no rotation."""
-    matrix = np.array(matrix, np.float64)
-    rotation = prepare.nearest_rotation(matrix[:3, :3], where=where)
-    return np.concatenate([rotation, matrix[:3, 3:]], axis=-1)
-
-
-def rotation_of(quaternion, *, where):
-    """Rotation [3, 3] of (x, y, z, w); ValueError where its length is not 1."""
+def rotation_of(quaternion):
+    """Rotation [3, 3] of (x, y, z, w), times its length."""
     length = np.linalg.norm(quaternion)
-    if not abs(length - 1) < LENGTH_ERROR:
-        raise ValueError(f"{where} is not a rotation: its length is {length:g}")
-    x, y, z, w = quaternion / length
+    x, y, z, w = quaternion / (length or 1)
     across = np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]])
-    return np.eye(3) + 2 * (w * across + across @ across)
+    return length * (np.eye(3) + 2 * (w * across + across @ across))
 
 
 def check_apart(shots, where):

@@ -338,15 +338,14 @@ def told(frame):
 
 
 def pose(path, frame):
-    """The frame's camera-to-world [3, 4], checked to be a pose."""
+    """The frame's camera-to-world [3, 4]; its rotation may be scaled."""
     where = f"{path}: 'transform_matrix' of {told(frame)}"
     matrix = prepare.matrix_of(frame.get("transform_matrix"), (3, 4), (4, 4))
     if matrix is None:
         raise ValueError(f"{where} is not 4x4 numbers")
-    rotation = prepare.nearest_rotation(matrix[:3, :3], where=where)
     if len(matrix) == 4 and not np.allclose(matrix[3], [0, 0, 0, 1]):
         raise ValueError(f"{where}: its last row is not 0 0 0 1")
-    return np.concatenate([rotation, matrix[:3, 3:]], axis=-1)
+    return matrix[:3]
 
 
 def min_number(folder):

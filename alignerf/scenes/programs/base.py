@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from alignerf.scenes import cameras, colmap, prepare
+from alignerf.scenes import cameras, colmap
 from alignerf.scenes.formats import shots
 
 
@@ -36,10 +36,9 @@ def lens(where, model, params):
         raise ValueError(f"{where}: {error}") from None
 
 
-def pose(where, rotation, place):
+def pose(rotation, place):
     """Camera-to-world [3, 4], OpenGL axes, of a rotation with OpenCV's."""
-    turn = prepare.nearest_rotation(rotation, where=f"{where}: its rotation")
-    turn = turn @ cameras.OPENGL_FROM_OPENCV
+    turn = rotation @ cameras.OPENGL_FROM_OPENCV
     return np.concatenate([turn, np.reshape(place, (3, 1))], axis=1)
 
 

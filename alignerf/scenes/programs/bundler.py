@@ -39,7 +39,7 @@ def read(path):
         if focal == 0:
             continue
         turn, shift = np.reshape(rest[:9], (3, 3)), np.array(rest[9:])
-        pose = base.pose(where, turn.T @ cameras.OPENGL_FROM_OPENCV, -turn.T @ shift)
+        pose = base.pose(turn.T @ cameras.OPENGL_FROM_OPENCV, -turn.T @ shift)
         lens = base.lens(where, "RADIAL", [focal, 0.0, 0.0, k1, k2])
         found.append(base.given(name, lens, None, pose))
     return found

@@ -35,6 +35,6 @@ def read(path):
             raise ValueError(f"{where}: its rotation or position is none")
         params = [entry["fx"], entry["fy"], width / 2, height / 2]
         lens = base.lens(where, "PINHOLE", params)
-        pose = base.pose(where, turn, place)
+        pose = base.pose(turn, place)
         found.append(base.given(entry["img_name"], lens, size, pose))
     return found

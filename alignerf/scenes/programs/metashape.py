@@ -57,7 +57,7 @@ def read(path):
             lenses[number] = lens_of(f"{path}: sensor {number}", sensors[number])
         values = base.numbers(where, camera.findtext("transform").split(), 16)
         matrix = values.reshape(4, 4)
-        pose = base.pose(where, matrix[:3, :3], matrix[:3, 3])
+        pose = base.pose(matrix[:3, :3], matrix[:3, 3])
         found.append(base.given(name, *lenses[number], pose))
     return found
 

@@ -49,6 +49,6 @@ def read(path):
         fx = content["focal_length"]
         lens = [fx, fx * content["pixel_aspect_ratio"], *centre, k1, k2, p1, p2, k3]
         lens = base.lens(file, "FULL_OPENCV", [*lens, 0.0, 0.0, 0.0])
-        pose = base.pose(file, turn.T, place)
+        pose = base.pose(turn.T, place)
         found.append(base.given(f"rgb/{largest}/{name}.png", lens, tuple(size), pose))
     return found

@@ -78,5 +78,5 @@ def given(path, view, lens, pose):
         name,
         base.lens(where, model, params),
         tuple(np.array(size).tolist()),
-        base.pose(where, turn.T, place),
+        base.pose(turn.T, place),
     )

@@ -71,5 +71,5 @@ def given(where, name, camera, shot):
         name,
         base.lens(where, model, lens),
         tuple(size.tolist()),
-        base.pose(where, turn.T, -turn.T @ shift),
+        base.pose(turn.T, -turn.T @ shift),
     )

@@ -39,9 +39,7 @@ def read(path):
         nearest = int(np.abs(poses[:, 0] - time).argmin())
         values = poses[nearest, 1:]
         if abs(poses[nearest, 0] - time) < NEAR_S:
-            where = f"{path}: the pose of {faults.name_of(name)}"
-            turn = shots.rotation_of(values[3:], where=where)
-            pose = base.pose(where, turn, values[:3])
+            pose = base.pose(shots.rotation_of(values[3:]), values[:3])
             found.append(base.given(name, lens, size, pose))
     if not found:
         raise ValueError(f"{path}: no pose within {NEAR_S} s of any photo's time")

@@ -308,3 +308,63 @@ def test_points_say_where_parallel_cameras_look():
     assert_allclose(cameras.looked_at(APART, points), 7)
     assert_allclose(cameras.looked_at(APART, points[3:]), 1)
     assert_allclose(cameras.looked_at(SQUINT, np.array([[1, 50.0, 0]])), 50, rtol=0.01)
+
+
+def nearest(poses, where="file"):
+    names = [f"f{i}" for i in range(len(poses))]
+    return cameras.nearest_rotations(where, names, poses)
+
+
+@pytest.mark.parametrize("off", [0, 1e-5, 1e-3, 0.02])
+def test_inexact_rotations_become_the_nearest_and_the_furthest_is_told(
+    rng, off, caplog
+):
+    given = random_poses(rng, 50)
+    moved = given.copy()
+    moved[:, :, :3] += off * rng.uniform(-0.5, 0.5, (50, 3, 3))
+    moved[7, :, :3] = (1 + 2 * off) * given[7, :, :3]
+    found = nearest(moved)
+    turns = found[:, :, :3]
+    assert_allclose(
+        turns @ turns.swapaxes(1, 2), np.tile(np.eye(3), (50, 1, 1)), atol=1e-12
+    )
+    assert_allclose(found, given, atol=2 * off + 1e-12)
+    assert_allclose(found[7], given[7], atol=1e-12)
+    # No rotation drawn at random is nearer.
+    for other in random_poses(rng, 20)[:, :, :3]:
+        small = cameras.nearest_rotations("", ["x"], (np.eye(3) + 1e-3 * other)[None])
+        near = np.linalg.norm(moved[0, :, :3] - turns[0])
+        assert near <= np.linalg.norm(moved[0, :, :3] - turns[0] @ small[0]) + 1e-12
+    told = [
+        record.getMessage()
+        for record in caplog.records
+        if "file" in record.msg % record.args
+    ]
+    assert len(told) == (off > 1e-4)
+    assert all(f"that of f7 by {200 * off:.2g} %" in line for line in told)
+
+
+@pytest.mark.filterwarnings("error")
+@pytest.mark.parametrize("times", [1e-300, 1e-30, 0.9, 1.1, 2.5, 1e30, 1e160, 1e300])
+def test_scaled_mirrored_and_no_rotations_are_refused_as_such(rng, times):
+    given = random_poses(rng, 9)[:, :, :3]
+    with pytest.raises(
+        ValueError,
+        match=rf"file: its rotations are scaled by {times:.4g}:".replace("+", r"\+"),
+    ):
+        nearest(times * given)
+    faults = {
+        "is scaled by": times * given[4],
+        "is mirrored": -given[4],
+        "is mirrored ": times * given[4] @ np.diag([1, 1, -1]),
+        "is none": np.diag([1, 1, times]) @ given[4],
+        "is none: it": np.zeros((3, 3)),
+        "is none: it ": given[4][[0, 0, 1]],
+        "is not finite": given[4] * [1, np.nan, 1],
+        "is not finite$": given[4] * [1, np.inf, 1],
+    }
+    for fault, matrix in faults.items():
+        poses = given.copy()
+        poses[4] = matrix
+        with pytest.raises(ValueError, match=f"file: the rotation of 'f4' {fault}"):
+            nearest(poses)

@@ -130,10 +130,13 @@ FAULTS = {
     "inf": (lambda _, r: npy(changed(r, (1, 14), np.inf)), "row 1 is not finite"),
     "size": (lambda _, r: npy(changed(r, (3, 4), 0)), "of row 3 must be positive"),
     "focal": (lambda _, r: npy(changed(r, (0, 14), -9)), "of row 0 must be positive"),
-    "scaled": (lambda _, r: npy(r * 1.1), r"row 0 \(a\) is not a rotation"),
+    "scaled": (
+        lambda _, r: npy(r * 1.1),
+        r"bounds\.npy: its rotations are scaled by 1\.1: ",
+    ),
     "mirrored": (
         lambda _, r: npy(r * np.where(np.arange(17) % 5 == 1, -1, 1)),
-        r"row 0 \(a\) is not a rotation",
+        r"the rotation of 'a' is mirrored",
     ),
     "count": (
         lambda f, _: (f / "images_2" / "b.png").unlink(),

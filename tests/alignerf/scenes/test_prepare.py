@@ -46,12 +46,3 @@ def test_downscaling_follows_the_true_ratio():
     np.testing.assert_allclose(small.photos[0].read().mean(), pixels.mean(), atol=0.5)
     with pytest.raises(ValueError, match="downscale: 5"):
         prepare.downscale(views, 5)
-
-
-@pytest.mark.filterwarnings("error")
-@pytest.mark.parametrize("times", [1e-200, 1.1, 1e160, 1e300])
-def test_a_rotation_of_any_other_size_is_none(times):
-    turn = cameras.OPENGL_FROM_OPENCV @ [[0.6, -0.8, 0], [0.8, 0.6, 0], [0, 0, 1]]
-    assert np.allclose(prepare.nearest_rotation(turn, where="a"), turn)
-    with pytest.raises(ValueError, match="a is not a rotation"):
-        prepare.nearest_rotation(times * turn, where="a")

@@ -12,6 +12,7 @@ from PIL import Image
 from alignerf.experiment.checks import scenes as of_scenes
 from alignerf.io import images
 from alignerf.scenes import distortion, prepare, prepared
+from alignerf.scenes.external import lenses
 from alignerf.scenes.formats import transforms
 from tests import camera_twins
 
@@ -128,6 +129,29 @@ def read(scene):
     folder, content = scene
     (folder / "transforms.json").write_text(json.dumps(content))
     return transforms.read(folder)
+
+
+def test_scaled_rotations_are_set_right_or_refused_wherever_they_are_read(
+    scene, caplog
+):
+    exact = read(scene)[0].camtoworlds
+    path = scene[0] / "transforms.json"
+
+    def by(times):
+        for frame in scene[1]["frames"]:
+            matrix = np.array(frame["transform_matrix"]) @ np.diag([*[times] * 3, 1])
+            frame["transform_matrix"] = matrix.tolist()
+        path.write_text(json.dumps(scene[1]))
+
+    by(1.03)
+    np.testing.assert_allclose(transforms.read(path)[0].camtoworlds, exact, atol=1e-9)
+    judged = lenses.read(path, (WIDTH, HEIGHT)).lenses
+    np.testing.assert_allclose(judged["images/c.png"].pose, exact[0], atol=1e-9)
+    assert caplog.text.count("by 3 %: the nearest are taken") == 2
+    by(2)
+    for reader in (transforms.read, lambda path: lenses.read(path, (WIDTH, HEIGHT))):
+        with pytest.raises(ValueError, match=r"json: its .* scaled by 2\.06: divide"):
+            reader(path)
 
 
 def test_cameras_are_read_as_written(scene, caplog):
@@ -275,7 +299,7 @@ def change(content, path, value):
         (["frames", 0], "text", "frame 0"),
         (["frames", 0, "file_path"], None, "file_path"),
         (["frames", 0, "transform_matrix"], [[1, 2], [3]], "transform_matrix"),
-        (["frames", 0, "transform_matrix"], np.zeros((4, 4)).tolist(), "rotation"),
+        (["frames", 0, "transform_matrix"], np.diag([0, 0, 0, 1]).tolist(), "rotation"),
         (["frames", 0, "w"], 64, "shape"),
         (["frames", 0, "h"], -64, "positive"),
         (["fl_x"], None, "fl_x"),

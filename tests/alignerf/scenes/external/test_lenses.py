@@ -60,7 +60,10 @@ def test_gaussian_splatting(tmp_path):
             [entry("v00", rotation=[[1, 0], [0, 1]])],
             "camera 0: its rotation or position is none",
         ),
-        ([entry("v00", rotation=np.ones((3, 3)).tolist())], "is not a rotation"),
+        (
+            [entry("v00", rotation=np.ones((3, 3)).tolist())],
+            "rotation of 'v00' is none",
+        ),
         ([entry(3)], "camera 0: img_name is 3"),
         ([entry("v00"), 7], "camera 1: not an object"),
         ([], "not an object"),
