@@ -134,7 +134,7 @@ def files_of(path):
 def of_json(path, photo_size) -> Cameras:
     """Those of a transforms.json; the photos that it names need not be there."""
     scene = json_files.read(path, {"frames": list})
-    lenses, splits = {}, {}
+    lenses, splits, frames = {}, {}, {}
     # Of nerfstudio's lists; what is validated is held out.
     of_file = {
         name: split
@@ -145,9 +145,10 @@ def of_json(path, photo_size) -> Cameras:
         if not isinstance(frame, dict) or not isinstance(frame.get("file_path"), str):
             raise ValueError(f"{path}: frame {i} has no text under 'file_path'")
         name = frame["file_path"]
-        if name in lenses:
-            told = faults.shown(name)
-            raise ValueError(f"{path}: two frames are of {told}")
+        if name in frames:
+            transforms.check_same(path, frames[name], frame)
+            continue
+        frames[name] = frame
         usual = dict(zip(("w", "h"), photo_size, strict=True))
         values = usual | scene | frame
         where = transforms.told(frame)

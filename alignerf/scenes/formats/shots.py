@@ -57,6 +57,13 @@ def views_of(
         paths = [shot.photo for shot in shots]
         each = zip(shots, ingest.find_masks(masks, paths, root), strict=True)
         shots = [shot._replace(mask=mask) for shot, mask in each]
+    of_file = {}
+    for shot, pose in zip(shots, given, strict=True):
+        # A file may be linked under two names.
+        name, other = of_file.setdefault(faults.resolved(shot.photo), (shot.name, pose))
+        if not np.array_equal(pose, other):
+            both = f"{faults.name_of(name)} and {faults.name_of(shot.name)}"
+            raise ValueError(f"{where}: one photo at two poses: {both}")
     sizes = [photos.head(shot.photo).size for shot in shots]
     usual = prepare.usual_size(sizes)
     shots = of_own_size(shots, usual)

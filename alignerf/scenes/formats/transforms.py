@@ -30,6 +30,8 @@ log = logging.getLogger(__name__)
 
 # Keys of the distortion; those that a camera model lacks have to be 0.
 DISTORTION_KEYS = ("k1", "k2", "p1", "p2", "k3", "k4", "k5", "k6")
+LENS_KEYS = ("camera_model", "is_fisheye", "w", "h", "fl_x", "fl_y", "cx", "cy")
+LENS_KEYS += ("camera_angle_x", "camera_angle_y", *DISTORTION_KEYS)
 # COLMAP's models of all their numbers; others have their own names there.
 PERSPECTIVE = ("OPENCV", "PINHOLE", "SIMPLE_PINHOLE", "PERSPECTIVE", "RADIAL")
 CAMERA_MODELS = {
@@ -193,12 +195,13 @@ def _frames_with_image(files, frames):
     found = files.find_all([frame["file_path"] for frame in frames])
     for frame in frames:
         image = found.get(frame["file_path"])
-        if image in kept:
+        if image in kept and not is_lost(frame):
+            check_same(path, kept[image], frame)
             twice.append(told(frame))
-        elif image is not None:
+        elif image is not None and not is_lost(frame):
             kept[image] = frame
     missing = [f["file_path"] for f in frames if f["file_path"] not in found]
-    if not kept:
+    if not found:
         number = min_number(path.parent)
         if files.suffix or number in (None, 1):
             where = f"folders {files.suffix} of " if files.suffix else ""
@@ -209,7 +212,8 @@ def _frames_with_image(files, frames):
             raise ValueError(f"{path}: {none}")
         log.info("%s: photos from images_%d", path, number)
         return _frames_with_image(Images(path, number), frames)
-    lost = [told(frame) for frame in kept.values() if is_lost(frame)]
+    images = ((frame, found.get(frame["file_path"])) for frame in frames)
+    lost = [told(frame) for frame, one in images if one and one not in kept]
     for names, why in (
         (missing, "have no image"),
         (twice, "are there twice: the first is taken"),
@@ -221,10 +225,17 @@ def _frames_with_image(files, frames):
             log.warning(
                 "%s: dropped %d of %d frames, which %s: %s", path, *count, why, few
             )
-    kept = {image: frame for image, frame in kept.items() if not is_lost(frame)}
     if not kept:
         raise ValueError(f"{path}: none of its {len(frames)} frames has a pose")
     return kept, sorted(Path(name).stem for name in [*missing, *lost]), files
+
+
+def check_same(path, first, frame):
+    """ValueError naming two frames of one photo whose cameras differ."""
+    keys = ("transform_matrix", *LENS_KEYS)
+    if any(first.get(key) != frame.get(key) for key in keys):
+        both = f"{told(first)} and {told(frame)}"
+        raise ValueError(f"{path}: two frames of one photo differ in pose: {both}")
 
 
 def is_lost(frame):

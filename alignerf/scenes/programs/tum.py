@@ -58,9 +58,11 @@ def times_of(path):
     folder, found = path.parent, {}
     listed = photo_names.listed(folder)
     if (table := folder / "rgb.txt").is_file():
-        rows = {
-            words[-1]: base.numbers(at, words[:1], 1)[0] for at, words in lines(table)
-        }
+        rows = {}
+        for at, words in lines(table):
+            time = base.numbers(at, words[:1], 1)[0]
+            if rows.setdefault(words[-1], time) != time:
+                raise ValueError(f"{at}: a second time of {faults.name_of(words[-1])}")
         named = photo_names.match(rows, listed, table)
         return {photo: rows[name] for name, photo in named.items()}
     for photo in listed:

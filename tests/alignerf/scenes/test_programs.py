@@ -396,6 +396,9 @@ def test_a_pose_of_another_time_is_none(tmp_path, rng):
     path.write_text("\n".join(rows[2::2]))
     with pytest.raises(ValueError, match=r"no pose within 0\.02 s"):
         reading.read(path)
+    (tmp_path / "rgb.txt").write_text("1 rgb/a.png\n1 rgb/a.png\n2 rgb/a.png")
+    with pytest.raises(ValueError, match=r"rgb\.txt: line 3: a second time of rgb/a"):
+        reading.read(path)
 
 
 def nerfies(folder, poses):

@@ -1,6 +1,7 @@
 """Scenes with known cameras, and the lens distortion that they name."""
 
 import json
+import re
 import shutil
 import time
 
@@ -152,6 +153,38 @@ def test_scaled_rotations_are_set_right_or_refused_wherever_they_are_read(
     for reader in (transforms.read, lambda path: lenses.read(path, (WIDTH, HEIGHT))):
         with pytest.raises(ValueError, match=r"json: its .* scaled by 2\.06: divide"):
             reader(path)
+
+
+@pytest.mark.parametrize(
+    ("name", "key"),
+    [
+        ("images/c.png", "transform_matrix"),
+        ("images/c", "transform_matrix"),
+        (r".\images\c.png", "fl_x"),
+        ("other/c.png", "transform_matrix"),
+    ],
+)
+def test_two_cameras_never_have_one_photo(scene, name, key, caplog, rng):
+    exact = read(scene)[0].camtoworlds
+    first, path = scene[1]["frames"][0], scene[0] / "transforms.json"
+    (scene[0] / "other").symlink_to(scene[0] / "images")
+    again = {**first, "file_path": name}
+    lost = {**again, "transform_matrix": None}
+    scene[1]["frames"] = [lost, *scene[1]["frames"], again, lost]
+    if name != "other/c.png":
+        views, left_out = read(scene)
+        np.testing.assert_array_equal(views.camtoworlds, exact)
+        assert left_out == ["gone"]
+        assert f"are there twice: the first is taken: {name}" in caplog.text
+    again[key] = pose(rng).tolist() if key == "transform_matrix" else 71.0
+    both = "differ in pose: images/c.png and {}|two poses: images_c and other_c"
+    with pytest.raises(ValueError, match=both.format(re.escape(name))):
+        read(scene)
+    scene[1]["frames"] = scene[1]["frames"][1:-1]
+    path.write_text(json.dumps(scene[1]))
+    if name == first["file_path"]:
+        with pytest.raises(ValueError, match=both.format(name)):
+            lenses.read(path, (WIDTH, HEIGHT))
 
 
 def test_cameras_are_read_as_written(scene, caplog):
