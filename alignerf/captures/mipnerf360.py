@@ -32,8 +32,10 @@ class MipNerf360(posed.Posed):
 
     def read_given(self, scene):
         from alignerf.scenes.formats import mipnerf360
+        from alignerf.sfm import pairing
 
-        return mipnerf360.read(*(scene[key] for key in ("path", "images", "masks")))
+        keys = (scene[key] for key in ("path", "images", "masks"))
+        return mipnerf360.read(*keys, pairing.choose)
 
 
 CAPTURE = MipNerf360()

@@ -14,9 +14,10 @@ class Transforms(posed.Posed):
 
     def read_given(self, scene):
         from alignerf.scenes.formats import transforms
+        from alignerf.sfm import pairing
 
-        keys = (scene["path"], scene["background"])
-        return transforms.read(*keys, images=scene["images"], masks=scene["masks"])
+        keys = {key: scene[key] for key in ("background", "images", "masks")}
+        return transforms.read(scene["path"], **keys, choose=pairing.choose)
 
 
 CAPTURE = Transforms()

@@ -26,7 +26,7 @@ import pycolmap
 
 from alignerf.io import faults
 from alignerf.scenes import cameras as scene_cameras
-from alignerf.scenes import colmap, photo_names, photos
+from alignerf.scenes import colmap, distortion, photo_names, photos
 
 log = logging.getLogger(__name__)
 
@@ -115,16 +115,18 @@ class Project(NamedTuple):
     photos: dict
 
 
-def with_photos(folder, chosen=None):
+def with_photos(folder, chosen=None, choose=None):
     """The Project of the largest model that has its photos; None without any model.
 
     All but `photo_names.MAX_MISSING` of them; what is left is said. chosen: the folder
-    of photos. Raises ValueError naming a photo where no model has its photos.
+    of photos. choose: `sfm.pairing.choose`; None for the first folder, and the lens of
+    the model. Raises ValueError naming a photo where no model has its photos.
     """
     models, fault = by_size(folder), None
     for model in models:
         cameras, points = read(model)
-        root, photos_of = photos_for(Path(folder), model, cameras, chosen)
+        found = photos_for(Path(folder), model, cameras, chosen)
+        root, photos_of = found[0]
         gone = sorted(cameras.keys() - photos_of.keys())
         few = faults.some_names(gone)
         if len(gone) > photo_names.MAX_MISSING * len(cameras):
@@ -138,6 +140,9 @@ def with_photos(folder, chosen=None):
                 "%s: %d models: %s images is taken; left: %s",
                 *(folder, len(models), told[model], ", ".join(others)),
             )
+        if choose:
+            k, cameras = choose(model, cameras, [own for _, own in found])
+            root, photos_of = found[k]
         return Project(model, cameras, points, root, photos_of)
     if fault:
         raise ValueError(fault)
@@ -145,9 +150,9 @@ def with_photos(folder, chosen=None):
 
 
 def photos_for(folder, model, cameras, chosen=None):
-    """(the folder of a model's photos, {name: path}): that where most of them lie.
+    """[(folder of a model's photos, {name: path})]: that where most of them lie.
 
-    Of two with all, that whose photos are as large as the cameras, which are those of
+    Of those with all, each whose photos are as large as the cameras, which are those of
     undistorted photos or of the originals. cameras: as of `read`.
     """
     project = model.parent if model.name.isdecimal() else model
@@ -160,17 +165,23 @@ def photos_for(folder, model, cameras, chosen=None):
         (path for path in folder.glob("images_*") if path.name[7:].isdecimal()),
         key=lambda path: int(path.name[7:]),
     )
-    undone = [path for base in bases for path in sorted(base.glob("*undistorted*"))]
-    roots = [chosen] if chosen else [*places, *smaller[:1], *undone, *bases]
-    best = roots[-1], {}
-    for root in filter(Path.is_dir, roots):
+    named = ("*[_-]images", "*undistorted*")
+    beside = [p for base in bases for name in named for p in sorted(base.glob(name))]
+    straight = all(distortion.is_pinhole(one[3]) for one in cameras.values())
+    beside.sort(key=lambda path: ("undistorted" in path.name) != straight)
+    roots = [chosen] if chosen else [*places, *smaller[:1], *beside, *bases]
+    best, whole = (roots[-1], {}), {}
+    for root in filter(Path.is_dir, dict.fromkeys(roots)):
+        # Above a folder with all of them the same ones are found.
+        if whole and root in bases:
+            break
         found = photo_names.match(cameras, photo_names.listed(root))
         own = root, {name: root / path for name, path in found.items()}
         if len(found) > len(best[1]):
             best = own
         if len(found) == len(cameras) and is_as_large(cameras, own[1]):
-            return own
-    return best
+            whole.setdefault(faults.resolved(root), own)
+    return [*whole.values()] or [best]
 
 
 def is_as_large(cameras, found):

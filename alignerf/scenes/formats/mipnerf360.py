@@ -17,18 +17,19 @@ from alignerf.scenes.formats import colmap_models, llff, shots
 log = logging.getLogger(__name__)
 
 
-def read(folder, images=None, masks=None):
+def read(folder, images=None, masks=None, choose=None):
     """(prepare.PosedViews, names of the photos that the model has no pose for).
 
     images: the n of images_<n>; None for the largest that is there. masks: as of
-    `ingest.find_masks`. Raises ValueError with one line that names the file or photo.
+    `ingest.find_masks`. choose: as of `colmap_models.with_photos`. Raises ValueError
+    with one line that names the file or photo.
     """
     folder, chosen = Path(folder), None
     if images is not None:
         chosen = folder / ("images" if images == 1 else f"images_{images}")
         if not chosen.is_dir():
             raise ValueError(f"{folder}: no folder {chosen.name}")
-    found = colmap_models.with_photos(folder, chosen)
+    found = colmap_models.with_photos(folder, chosen, choose)
     if found is None:
         return of_llff(folder, chosen, masks), []
     used = set(found.photos.values())

@@ -50,15 +50,18 @@ SMALLER = re.compile(r"images_([1-9][0-9]?)")
 LARGEST = 1e30
 
 
-def read(path, background=None, *, images=None, split_by_lists=True, masks=None):
+def read(
+    path, background=None, *, images=None, split_by_lists=True, masks=None, choose=None
+):
     """Posed, undistorted views of a json file, or of a folder's transforms.json.
 
     background: as of `photos.decode`. images: the n of the folders <name>_<n> that
     photos and masks are read from; None for those that the file names or, where none of
     these photos is there, for images_<n> of least n. split_by_lists: the file's own
     lists say which views are held out. masks: a folder of them, for a file that names
-    none. Returns prepare.PosedViews and the names of the frames without an image.
-    Raises ValueError with one line that names the file and the key or frame.
+    none. choose: `sfm.pairing.choose`, for photos that do not lie where the file says;
+    None for its lens. Returns prepare.PosedViews and the names of the frames without an
+    image. Raises ValueError with one line that names the file and the key or frame.
     """
     path = Path(path)
     if path.is_dir():
@@ -92,6 +95,8 @@ def read(path, background=None, *, images=None, split_by_lists=True, masks=None)
         )
         for image, frame in kept.items()
     ]
+    if choose and any(files.find(f["file_path"]) != one for one, f in kept.items()):
+        own = with_lens_of(path, own, choose)
     views = shots.views_of(
         own,
         path,
@@ -103,6 +108,22 @@ def read(path, background=None, *, images=None, split_by_lists=True, masks=None)
         of_view = {name_of[image]: split for image, split in splits.items()}
         views = views._replace(split=np.array([of_view[name] for name in views.names]))
     return views, left_out
+
+
+def with_lens_of(path, own, choose):
+    """The shots with the lens that fits their photos; choose: as of `read`."""
+    poses = np.stack([shot.camtoworld for shot in own])
+    poses = cameras.nearest_rotations(path, [shot.name for shot in own], poses)
+    lenses = {
+        shot.name: (shot.camtopix, shot.size, pose, shot.distortion)
+        for shot, pose in zip(own, poses, strict=True)
+    }
+    _, lenses = choose(path, lenses, [{shot.name: shot.photo for shot in own}])
+    fields = ("camtopix", "size", "camtoworld", "distortion")
+    return [
+        shot._replace(**dict(zip(fields, lenses[shot.name], strict=True)))
+        for shot in own
+    ]
 
 
 def size_for(own, frame, usual):
