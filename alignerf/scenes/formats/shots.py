@@ -66,10 +66,18 @@ def views_of(
             raise ValueError(f"{where}: one photo at two poses: {both}")
     sizes = [photos.head(shot.photo).size for shot in shots]
     usual = prepare.usual_size(sizes)
-    shots = of_own_size(shots, usual)
+    stated, shots = [shot.size for shot in shots], of_own_size(shots, usual)
     across = [shot.size[0] / size[0] for shot, size in zip(shots, sizes, strict=True)]
     if not 1 / TIMES[0] < (times := float(np.median(across))) < TIMES[0]:
         log.info("%s: cameras of photos %.3g times as large", where, times)
+    each = zip(shots, stated, strict=True)
+    other = [shot.size[0] / size[0] for shot, size in each if size and size[0]]
+    if (times := float(np.median(other)) if other else 1.0) != 1:
+        log.warning(
+            "%s: focal length and principal point are of a photo %.3g times as large "
+            "as the width and height that it says: scaled",
+            *(where, times),
+        )
     if beside := [shot.name for shot in shots if is_beside(shot)]:
         log.warning(
             "%s: the principal point lies beside the photo, as in numbers of a larger "
