@@ -32,7 +32,7 @@ class Blender(posed.Posed):
         from alignerf.scenes import prepare
         from alignerf.scenes.formats import transforms
 
-        halves, names, left_out, taken = [], [], [], {}
+        halves, names, left_out = [], [], []
         for split in SPLITS:
             path = Path(scene["path"]) / f"transforms_{split}.json"
             try:
@@ -40,15 +40,14 @@ class Blender(posed.Posed):
                     path, scene["background"], split_by_lists=False
                 )
                 # A frame that was never rendered finds a training photo of its name.
-                each = zip(views.photos, views.names, strict=True)
-                own = {photo.path: name for photo, name in each}
-                both = [photo for photo in own if photo in taken]
-                if both and both[0].parent.name == split:
-                    other = f"{taken[both[0]]} of transforms_{SPLITS[0]}.json"
-                    raise ValueError(
-                        f"{path}: {own[both[0]]} and {other} are one photo"
-                    )
-                lost, taken = [*missing, *(own[one] for one in both)], own
+                taken = {photo.path for half in halves for photo in half.photos}
+                each = zip(views.names, views.photos, strict=True)
+                others = (
+                    name
+                    for name, photo in each
+                    if photo.path in taken and photo.path.parent.name != split
+                )
+                lost = [*missing, *others]
                 if lost and split == "test":
                     few, place = faults.some_names(lost), path.parent
                     raise ValueError(f"{path}: no image in {place} of {few}")

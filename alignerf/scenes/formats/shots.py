@@ -10,7 +10,7 @@ from typing import NamedTuple
 import numpy as np
 
 from alignerf.io import faults
-from alignerf.scenes import cameras, photos, prepare
+from alignerf.scenes import cameras, held_out, photos, prepare
 from alignerf.scenes.capture import canvas, ingest
 
 log = logging.getLogger(__name__)
@@ -60,7 +60,8 @@ def views_of(
     of_file = {}
     for shot, pose in zip(shots, given, strict=True):
         # A file may be linked under two names.
-        name, other = of_file.setdefault(faults.resolved(shot.photo), (shot.name, pose))
+        at = held_out.identity(shot.photo)
+        name, other = of_file.setdefault(at, (shot.name, pose))
         if not np.array_equal(pose, other):
             both = f"{faults.name_of(name)} and {faults.name_of(shot.name)}"
             raise ValueError(f"{where}: one photo at two poses: {both}")

@@ -196,16 +196,6 @@ def test_frames_without_a_photo_are_named(scene):
     assert base.detected(scene).name == "transforms"
 
 
-def test_a_photo_is_not_one_of_both_splits(scene):
-    """Without photos of its own, a split would find those of the other by name."""
-    shutil.rmtree(scene / "train")
-    shutil.rmtree(scene / "val")
-    with pytest.raises(
-        ValueError, match=r"test\.json: r_\d and r_\d of transforms_train\.json are one"
-    ):
-        read(scene, "white")
-
-
 def test_its_files_say_what_is_held_out():
     scene = {"source": "blender", "path": ".", "test_every": 4}
     with pytest.raises(ValueError, match=r"scenes.lego.test_every: blender's files"):

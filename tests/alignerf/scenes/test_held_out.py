@@ -91,7 +91,7 @@ def test_links_in_a_transforms_json_are_refused_by_any_split(tmp_path):
     for number in range(4):
         write_photo(folder / f"{number}.png", 50 * number)
     (folder / "4.png").symlink_to("0.png")
-    frames = [frame(f"{number}.png", number) for number in range(5)]
+    frames = [frame(f"{number}.png", number % 4) for number in range(5)]
     content = {"camera_angle_x": 0.7, "frames": frames}
     (folder / "transforms.json").write_text(json.dumps(content))
     config = {"source": "transforms", "path": str(folder), "min_train_views": 2}
@@ -99,6 +99,10 @@ def test_links_in_a_transforms_json_are_refused_by_any_split(tmp_path):
     prepare_scene(config | {"test_every": 4}, tmp_path)
     with pytest.raises(ValueError, match=r"4\.png, which is trained on, and .*0\.png"):
         prepare_scene(config | {"test_every": 3}, tmp_path)
+    content["frames"][4] = frame("4.png", 4)
+    (folder / "transforms.json").write_text(json.dumps(content))
+    with pytest.raises(ValueError, match=r"json: one photo at two poses: 0 and 4"):
+        prepare_scene(config | {"test_every": 4}, tmp_path)
 
 
 def test_photos_without_a_file_and_views_without_a_split_are_passed_over(tmp_path):
