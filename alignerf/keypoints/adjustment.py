@@ -36,7 +36,8 @@ FREE = {
 def adjust(model, free, *, without=(), seed=0):
     """Adjust the cameras of COLMAP's model, which changes; returns views placed anew.
 
-    free: a key of FREE. without: ids of points that have no say.
+    Points that have no say, and what is thinned out, stay: `settle` moves them. free: a
+    key of FREE. without: ids of points that have no say.
     """
     chosen = pycolmap.Reconstruction(model)
     for number in without:
@@ -51,7 +52,6 @@ def adjust(model, free, *, without=(), seed=0):
     thin_out(more, {n: 1 if n in odd else SEVERAL for n in model.images})
     solve(more, free, loss_px=FINE_PX)
     take_cameras(model, more)
-    settle(model)
     return placed
 
 

@@ -253,8 +253,8 @@ def write_views(folder, views: PosedViews, *, split):
 
 
 def write_photos(folder, views: PosedViews, suffix=".png"):
-    """Write <folder>/<name>.png of each view; the folder is made."""
-    folder.mkdir(parents=True)
+    """Write <folder>/<name>.png of each view; the folder may be there."""
+    folder.mkdir(parents=True, exist_ok=True)
     for i, name in progress.over(enumerate(views.names), "images"):
         images.write(folder / f"{name}{suffix}", views.photos[i].read())
 

@@ -84,19 +84,34 @@ def find(views: prepare.PosedViews, work, *, max_size_px, seed) -> Matches:
         views, max(1, max(views.width, views.height) / max_size_px)
     )
     folder, masks = Path(work) / "matched", None
-    prepare.write_photos(folder, small)
     if small.masks is not None:
         masks = Path(work) / "matched_masks"
-        prepare.write_photos(masks, small._replace(photos=small.masks), ".png.png")
+
     size = small.width, small.height
     database, names, pairs = Path(work) / "matched.db", views.names, None
+
+    def write(some):
+        now = prepare.select(small, [names.index(name) for name in some])
+        prepare.write_photos(folder, now)
+        if masks:
+            prepare.write_photos(masks, now._replace(photos=now.masks), ".png.png")
+
     if len(names) > MAX_EXHAUSTIVE:
         pairs = {(i + 1, j + 1) for i, j in neighbours(views.camtoworlds)}
     pycolmap.set_random_seed(seed)
     with mapping.room_for(database):
         write_views(database, names, size)
-        mapping.extract(database, folder, names, max_size_px, masks, most=MAX_FEATURES)
-        mapping.match(database, len(names), seed, pairs)
+        mapping.find_matches(
+            database,
+            folder,
+            names,
+            max_size_px=max_size_px,
+            seed=seed,
+            masks=masks,
+            most=MAX_FEATURES,
+            pairs=pairs,
+            write=write,
+        )
     ids = {name: i + 1 for i, name in enumerate(names)}
     return read(database, ids, size, seed=seed)
 

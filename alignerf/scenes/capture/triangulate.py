@@ -43,10 +43,8 @@ def triangulate(
     with mapping.room_for(database):
         write_views(database, model)
         side_px = max_side_px or int(max(views["width"], views["height"]))
-        mapping.extract(
-            database, image_folder, names, side_px, masks, most=max_features
-        )
-        mapping.match(database, len(names), seed)
+        options = {"max_size_px": side_px, "masks": masks, "most": max_features}
+        mapping.find_matches(database, image_folder, names, seed=seed, **options)
         with progress.heartbeat("COLMAP: points"):
             options = mapping.pipeline_options(seed)
             triangulated = pycolmap.triangulate_points(

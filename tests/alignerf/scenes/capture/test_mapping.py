@@ -7,7 +7,7 @@ import numpy as np
 import pycolmap
 import pytest
 
-from alignerf.io import images, progress
+from alignerf.io import images, machine, progress
 from alignerf.scenes.capture import mapping
 
 
@@ -64,7 +64,7 @@ def test_progress_keeps_the_last_number_that_it_knows(database, monkeypatch):
         return progress.heartbeat(title)
 
     monkeypatch.setattr(progress, "watched", watched)
-    mapping.extract(database, database.parent, ["a", "b"], 64)
+    mapping.extract_from(database, database.parent, ["a", "b"], 64, None, 99, 0)
     assert seen == ["COLMAP: features", 2, 1, 1, 2]
 
 
@@ -76,6 +76,60 @@ def test_features_are_written_while_they_are_counted(database, monkeypatch):
     mapping.match(database, 2, seed=0)
     assert mapping.rows(database, "keypoints") == 2
     assert mapping.rows(database, "matches") == 1
+
+
+@pytest.fixture
+def noisy(tmp_path, rng):
+    """A database of five photos of noise; the last one shows little of it."""
+    path, names = tmp_path / "database.db", list("vwxyz")
+    for name in names:
+        image = rng.integers(0, 255, (256, 256, 3), np.uint8)
+        if name == "z":
+            image[:, 32:] = 128
+        images.write(tmp_path / f"{name}.png", image)
+    pycolmap.Database.open(path).close()
+    pycolmap.import_images(path, tmp_path)
+    return path, names
+
+
+def features_of(path):
+    with pycolmap.Database.open(path) as opened:
+        return [len(opened.read_keypoints(k + 1)) for k in range(5)]
+
+
+def test_how_long_it_takes_is_said_before_it_does(noisy, monkeypatch, caplog):
+    path, names = noisy
+    caplog.set_level("INFO")
+    monkeypatch.setattr(mapping, "LONG_S", 0.0)
+    monkeypatch.setattr(machine, "cores", lambda: 2)
+    given, said, extract = [], [], mapping.extract
+
+    def watched(database, folder, some, *rest):
+        said.append("5 photos: about" in caplog.text)
+        extract(database, folder, some, *rest)
+
+    monkeypatch.setattr(mapping, "extract", watched)
+    options = {"max_size_px": 256, "seed": 0, "most": 200}
+    mapping.find_matches(path, path.parent, names, write=given.append, **options)
+    assert given == [["v", "w"], ["x", "y", "z"]]
+    assert said == [False, True]
+    assert mapping.rows(path, "matches") == 10
+
+
+@pytest.mark.parametrize("most", [50, 200, 100_000])
+def test_only_images_with_few_features_are_doubled(noisy, most):
+    path, names = noisy
+    # Either way, as COLMAP finds them by itself.
+    alone = [path.with_name(f"{octave}.db") for octave in (0, -1)]
+    for octave, one in zip((0, -1), alone, strict=True):
+        one.write_bytes(path.read_bytes())
+        mapping.extract_from(one, path.parent, names, 256, None, most, octave)
+    plain, doubled = map(features_of, alone)
+    mapping.extract(path, path.parent, names, 256, None, most)
+    enough = np.array(plain) >= mapping.ENOUGH * most
+    assert enough[-1] == (plain[-1] >= most / 2)
+    assert features_of(path) == np.where(enough, plain, doubled).tolist()
+    assert not path.with_suffix(".plain.db").exists()
 
 
 def test_no_process_holds_a_second_sqlite(root):
