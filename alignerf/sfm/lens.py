@@ -20,9 +20,10 @@ PARTS = {"focal": [0], "distortion": [3], "centre": [1, 2], "shutter": [4]}
 NUMBERS = 5
 # Matches that a fit of so few numbers needs, and its robust loss in px.
 MAX_MATCHES, LOSS_PX = 4000, 0.5
-# Views of another zoom are so many times as far off, have a focal length that differs
-# by more than this in its logarithm, and by less than that; matches of each that tell.
-TIMES_FARTHER, ZOOM, MAX_ZOOM, OF_A_VIEW = 3.0, 0.04, 1.5, 300
+# Views of another zoom are so many times as far off as others, and by its focal length
+# so many times less, which differs by more than this in its logarithm, and by less than
+# that; matches of each that tell. Not all is gone where a crop has moved the centre.
+TIMES_FARTHER, TIMES_LESS, ZOOM, MAX_ZOOM, OF_A_VIEW = 3.0, 5.0, 0.04, 1.5, 300
 # A change of a larger fraction of the corner's distance is none of a lens.
 MAX_FRACTION = 0.2
 # A camera whose picture moves by a larger fraction of its width until the next photo by
@@ -128,8 +129,7 @@ def zooms(matches: Matches, cameras: Cameras, photo_px, by_exif=None) -> Cameras
         best = optimize.minimize_scalar(
             error_px, bounds=(best - ZOOM, best + ZOOM), method="bounded"
         )
-        fits = best.fun < min(error_px(0.0) / TIMES_FARTHER, TIMES_FARTHER * near_px)
-        if fits and abs(best.x) > ZOOM:
+        if best.fun < error_px(0.0) / TIMES_LESS and abs(best.x) > ZOOM:
             ratios[view] = np.exp(best.x)
     # Photos of one zoom have one focal length.
     order = np.argsort(ratios)

@@ -48,9 +48,9 @@ def with_axes(*columns):
 
 
 def focal_long(capture):
-    return seen_by(
-        capture, capture.given.camtopix * [[FOCAL_TIMES], [FOCAL_TIMES], [1]]
-    )
+    camtopix = capture.given.camtopix.copy()
+    camtopix[:, [0, 1], [0, 1]] *= FOCAL_TIMES
+    return seen_by(capture, camtopix)
 
 
 def off_centre(capture):
