@@ -20,7 +20,7 @@ class Matches(NamedTuple):
     after_px; applied: whether the scene has the adjusted cameras. pose_error_px,
     worst_px: how far the input cameras were from these, in the median and worst view.
     lens: what another lens alone explains, the input poses held; left: the same of the
-    adjusted ones.
+    adjusted ones. named: the faults of the input cameras in words, the lens first.
     """
 
     accepted: bool
@@ -31,6 +31,7 @@ class Matches(NamedTuple):
     worst_px: float
     lens: Lens | None = None
     left: Lens | None = None
+    named: tuple[str, ...] = ()
 
 
 class Crops(NamedTuple):

@@ -167,11 +167,15 @@ def of_size(scene, chosen, poses):
 def of_cameras(args, chosen, poses, *, paid):
     """A sentence on whether cameras are corrected, and why not."""
     told = prepared.adjustment_of(poses)
-    by_px = ""
+    by_px, named = "", ""
     if told.get("accepted"):
         by_px = f"by {told['pose_error_px']:.1f} px of the photo"
+        faults = poses["camera_check"].get("faults") or []
+        named = "".join(f"\n* {fault['said']}" for fault in faults)
     if chosen.adjusted:
-        return f"Cameras are corrected by bundle adjustment, {by_px} in the median."
+        return (
+            f"Cameras are corrected by bundle adjustment, {by_px} in the median.{named}"
+        )
     own, further = "Cameras are as given", "not corrected"
     if by_px and poses.get("poses") == "adjusted":
         own = f"Cameras were corrected before training, {by_px} in the median"

@@ -252,7 +252,10 @@ def difference(names, given, found, photo_px):
     }
     now = found.cameras
     same_lens = given._replace(camtopix=now.camtopix, distortion=now.distortion)
-    px = pose_error.distance_px(same_lens, now, points)
+    if np.array_equal(given.camtoworlds, now.camtoworlds):
+        px = dict.fromkeys(range(len(names)), 0.0)
+    else:
+        px = pose_error.distance_px(same_lens, now, points)
     off_px = {names[view]: photo_px * each for view, each in px.items()}
     all_px = np.array([*off_px.values()])
     lens = now.distortion[0]

@@ -25,6 +25,7 @@ NUMBER, OrNone = json_files.NUMBER, json_files.OrNone
 TEXTS = ("depth", "cameras", "layout", "depth_unit")
 LENS = dict.fromkeys(Lens._fields, json_files.NUMBER_OR_NONE) | {"changed": [str]}
 LENSES = {"lens": OrNone(dict.fromkeys(("given", "adjusted"), OrNone(LENS)))}
+LENSES |= {"faults": OrNone([{"kind": str, "said": str}])}
 POSES = prepared.POSES | {
     "poses": str,
     "perturb_px": NUMBER,
@@ -219,11 +220,13 @@ def of_matches(poses):
     accepted = bool(told.get("accepted"))
     off = (told["pose_error_px"], told["worst_px"]) if accepted else (math.nan,) * 2
     lenses = prepared.part_of(poses["camera_check"], "lens")
+    faults = poses["camera_check"].get("faults") or []
     return causes.Matches(
         accepted,
         accepted and poses["poses"] == "adjusted",
         *map(number, (told["before_px"], told.get("after_px"), *off)),
         *(lens_told(lenses.get(name)) for name in ("given", "adjusted")),
+        tuple(fault["said"] for fault in faults),
     )
 
 

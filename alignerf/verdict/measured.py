@@ -75,7 +75,8 @@ def poses(e, tried=()):
     off = f"{length(m.pose_error_px)} of the photo (worst view {length(m.worst_px)})"
     verb = "were" if m.applied else "are"
     found = "" if tried else f" Held-out matches: {change}."
-    return [f"By matches, poses {verb} off by {off}: {what}.{found}"]
+    named = "; ".join(m.named) or f"poses {verb} off by {off}"
+    return [f"By matches, {named}: {what}.{found}"]
 
 
 def whole_photos(e):

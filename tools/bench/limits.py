@@ -214,7 +214,7 @@ def matches_of(row):
     own = {
         key: row[f"matches_{key}"]
         for key in of_causes.Matches._fields
-        if key not in ("lens", "left")
+        if key not in ("lens", "left", "named")
     }
     flags = {key: bool(own[key]) for key in ("accepted", "applied")}
     return of_causes.Matches(**own | flags | lenses)

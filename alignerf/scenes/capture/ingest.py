@@ -226,7 +226,7 @@ def read_mask(path, photo, upright=False):
     upright: EXIF's orientation of the photo is applied to both. A mask may be smaller
     or larger, or turned as EXIF turns the photo; ValueError for one of another shape.
     """
-    size, orientation, _ = photos.head(photo)
+    size, orientation, *_ = photos.head(photo)
     counts = (photos.as_stored(path, "black") > 0).any(axis=-1)
     own = counts.shape[::-1]
     if not prepare.has_shape(own, size):

@@ -204,12 +204,12 @@ def test_cameras_of_other_photos_are_refused(rng, tmp_path, monkeypatch):
     monkeypatch.setattr(bundle, "anew", no_poses)
     true = made.cameras()
     matched = made.matched(true, rng, wrong=1.0, points=150)
-    with pytest.raises(ValueError, match="do not fit these photos: .* v03"):
+    with pytest.raises(ValueError, match=r"do not fit these photos: .* v03"):
         correction.correct(matched, true, tmp_path, 0, 1.0, lens=True, where="scan")
 
 
 def test_views_that_new_poses_do_not_have_are_named(rng, tmp_path):
     true = made.cameras()
     matched = made.matched(true, rng, unseen=[7])
-    with pytest.raises(bundle.TooFewError, match="v07$"):
+    with pytest.raises(bundle.TooFewError, match=r"v07$"):
         bundle.anew(matched, true, tmp_path, seed=0)
