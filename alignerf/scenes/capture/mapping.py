@@ -2,6 +2,7 @@
 
 import contextlib
 import errno
+import itertools
 import logging
 import os
 import shutil
@@ -31,10 +32,11 @@ MAX_EXHAUSTIVE = 150
 FOLLOWING, ALIKE = 10, 30
 # With fewer photos a camera's distortion is one number instead of four.
 FEW_OF_A_CAMERA = 5
-# Features of an image, and the share of them that make its doubled size needless.
-MOST, ENOUGH = 8192, 0.5
-# Poses and their adjustments take as long again as features and matches, or less.
-WHOLE, LONG_S = 2.0, 60.0
+# Features of an image.
+MOST = 8192
+# How long all takes is told by so many photos and their pairs, if it is over a minute.
+# Poses and adjustments take about as long again as features and matches.
+FIRST, WHOLE, LONG_S = 4, 2.0, 60.0
 # Features that the words are learnt from, and their number: a few hundred a word.
 WORDS_FEATURES, WORDS = 200_000, 1024
 # Of a feature, and of what is kept of it within a word: COLMAP's own numbers.
@@ -114,23 +116,27 @@ def find_matches(
     Logs how long all will take, by the first photos. most: features of an image, the
     largest ones. pairs: as of `match`. write: called with names whose files are needed.
     """
-    count, few = len(names), max(2, machine.cores())
+    count, few = len(names), names[:FIRST]
 
-    def extract_some(some):
+    def extract_some(some, extracting):
         if write:
             write(some)
-        extract(database, image_folder, some, max_size_px, masks, most)
+        return extracting(database, image_folder, some, max_size_px, masks, most)
 
     started = time.monotonic()
-    extract_some(names[:few])
-    if rest := names[few:]:
+    poor = extract_some(few, extract)
+    if rest := names[FIRST:]:
         extracted = time.monotonic()
-        match(database, count, seed, {tuple(ids_of(database, names[:2]))})
-        photos_s = (extracted - started) * count / few
-        matches_s = (time.monotonic() - extracted) * pairs_of(count, pairs)
-        if (whole_s := WHOLE * (photos_s + matches_s)) > LONG_S:
+        known = set(itertools.combinations(sorted(ids_of(database, few)), 2))
+        match(database, count, seed, known)
+        # As many photos as there are cores are looked at at once.
+        photos_s = (extracted - started) / max(FIRST, machine.cores()) * count
+        pair_s = (time.monotonic() - extracted) / len(known)
+        whole_s = WHOLE * (photos_s + pair_s * pairs_of(count, pairs))
+        if whole_s > LONG_S:
             log.info("%d photos: about %.0f min", count, whole_s / 60)
-        extract_some(rest)
+        # Where all are short of features, the others are likely to be.
+        extract_some(rest, extract_from if poor == few else extract)
     match(database, count, seed, pairs)
 
 
@@ -153,30 +159,32 @@ def ids_of(database, names):
 def extract(database, image_folder, names, max_size_px, masks=None, most=MOST):
     """SIFT on <name>.png of a folder; most: features of an image, the largest ones.
 
-    Images that have enough of them are not doubled in size to find smaller ones: that
-    takes three quarters of the time.
+    Images that have as many are not doubled in size to find smaller ones: that takes
+    three quarters of the time. Returns the names of the others. Half as many are not
+    enough: poses of castle_P30 are then off by 0.19 px instead of 0.13.
     """
     plain = Path(database).with_suffix(".plain.db")
     shutil.copyfile(database, plain)
-    extract_from(plain, image_folder, names, max_size_px, masks, most, 0)
+    extract_from(plain, image_folder, names, max_size_px, masks, most, octave=0)
     poor = []
     with (
         pycolmap.Database.open(plain) as source,
         pycolmap.Database.open(database) as target,
     ):
         for name, number in zip(names, ids_of(plain, names), strict=True):
-            if source.num_keypoints_for_image(number) < ENOUGH * most:
+            if source.num_keypoints_for_image(number) < most:
                 poor.append(name)
                 continue
             target.write_keypoints(number, source.read_keypoints(number))
             target.write_descriptors(number, source.read_descriptors(number))
     plain.unlink()
     if poor:
-        extract_from(database, image_folder, poor, max_size_px, masks, most, -1)
+        extract_from(database, image_folder, poor, max_size_px, masks, most)
+    return poor
 
 
-def extract_from(database, image_folder, names, max_size_px, masks, most, octave):
-    """The same, from one octave on: -1 for images of twice their size."""
+def extract_from(database, image_folder, names, max_size_px, masks, most, octave=-1):
+    """The same, from one octave on: 0 for images as they are, -1 for doubled ones."""
     reader = pycolmap.ImageReaderOptions()
     if masks is not None:
         reader.mask_path = masks
