@@ -1,6 +1,6 @@
 """Photos, masks and cameras of an export, at their own size or as trained on.
 
-Photos and masks are read one at a time, when they are written.
+Photos and masks are read a few at a time, when they are written.
 """
 
 import functools
@@ -12,7 +12,7 @@ import numpy as np
 from PIL import Image
 
 from alignerf.exports import formats
-from alignerf.io import faults, images, progress, yaml_files
+from alignerf.io import faults, images, yaml_files
 from alignerf.scenes import loading, prepare, prepared
 
 log = logging.getLogger("alignerf")
@@ -45,18 +45,18 @@ def arrays_of(views: prepare.PosedViews):
 def write(folder, views: prepare.PosedViews, *, alpha):
     """Write images/ and, where not all pixels count, masks/; returns whether it did.
 
-    One photo is in memory at a time. alpha: photos get one, of one, as readers of
-    NeRF's synthetic scenes need it.
+    alpha: photos get one, of one, as readers of NeRF's synthetic scenes need it.
     """
     (folder / "images").mkdir()
-    for name, photo in progress.over(
-        list(zip(views.names, views.photos, strict=True)), "photos"
-    ):
-        path, image = folder / "images" / f"{name}.png", photo.read()
+
+    def write_one(name, image):
+        path = folder / "images" / f"{name}.png"
         if alpha:
             Image.fromarray(image).convert("RGBA").save(path)
         else:
             images.write(path, image)
+
+    prepare.each_photo(views, write_one, "photos")
     if views.masks is None:
         return False
     (folder / "masks").mkdir()

@@ -4,6 +4,7 @@ Notation: n views of one size; `pixtocams` [n, 3, 3], `camtoworlds` [n, 3, 4] as
 `cameras`; images [h, w, 3] uint8 RGB, undistorted.
 """
 
+import collections
 import functools
 import math
 from collections.abc import Callable
@@ -14,7 +15,7 @@ import cv2
 import numpy as np
 from jaxtyping import Float
 
-from alignerf.io import images, json_files, progress
+from alignerf.io import images, json_files, machine, progress
 from alignerf.scenes import cameras, prepared
 
 # Under this no method of the analysis works: SSIM needs 11 pixels, flow more.
@@ -23,6 +24,8 @@ MIN_SIZE_PX = 32
 SAME_SHAPE = 1.02
 # Of the entries of a matrix in a file.
 LARGEST = 1e308
+# Of 170 megapixels a photo takes 0.7 GB: not one for each core.
+THREADS = 4
 # Of a mask that was resampled: less is a pixel that something else has touched.
 WHITE = 254
 
@@ -255,8 +258,23 @@ def write_views(folder, views: PosedViews, *, split):
 def write_photos(folder, views: PosedViews, suffix=".png"):
     """Write <folder>/<name>.png of each view; the folder may be there."""
     folder.mkdir(parents=True, exist_ok=True)
-    for i, name in progress.over(enumerate(views.names), "images"):
-        images.write(folder / f"{name}{suffix}", views.photos[i].read())
+    each_photo(
+        views, lambda name, image: images.write(folder / f"{name}{suffix}", image)
+    )
+
+
+def each_photo(views: PosedViews, call, title="images"):
+    """Call a function of the name and image of each view, in a few threads.
+
+    As many photos are in memory at once.
+    """
+
+    def read(i):
+        call(views.names[i], views.photos[i].read())
+
+    threads, count = min(machine.cores(), THREADS), len(views.names)
+    done = machine.map_in_threads(read, range(count), threads=threads)
+    collections.deque(progress.over(done, title, total=count), maxlen=0)
 
 
 def write_masks(folder, views: PosedViews):
