@@ -3,11 +3,13 @@
 import contextlib
 import errno
 import itertools
+import json
 import logging
 import os
 import shutil
 import subprocess
 import sys
+import tempfile
 import time
 from pathlib import Path
 
@@ -48,6 +50,14 @@ import contextlib, sqlite3, sys
 database, table = sys.argv[1:]
 with contextlib.closing(sqlite3.connect(database, uri=True)) as opened:
     print(*opened.execute(f"SELECT count(*) FROM {table}").fetchone())
+"""
+# Fewer pairs than this are matched faster than a process begins.
+MIN_PAIRS = 50
+MATCH = """
+import json, sys
+sys.path[:] = json.loads(sys.argv[1])
+from alignerf.scenes.capture import mapping
+mapping.match_share(*sys.argv[2:])
 """
 # A step that has ended waits for the last count.
 COUNT_S = 10.0
@@ -193,7 +203,7 @@ def extract_from(database, image_folder, names, max_size_px, masks, most, octave
     extraction.max_image_size = max_size_px
     extraction.sift.max_num_features = most
     extraction.sift.first_octave = octave
-    with _told("features", database, "keypoints", len(names), unit="photo"):
+    with _told("features", [database], len(names), unit="photo"):
         pycolmap.extract_features(
             database,
             image_folder,
@@ -207,48 +217,105 @@ def extract_from(database, image_folder, names, max_size_px, masks, most, octave
 def match(database, count, seed, pairs=None):
     """Match all pairs; of many photos those that look alike or follow one another.
 
-    pairs: of image ids, where others say which photos see the same.
+    In as many processes as there are cores. pairs: of image ids, where others say which
+    photos see the same.
     """
-    matching = pycolmap.FeatureMatchingOptions()
-    matching.use_gpu = False
-    # With several, pycolmap 4.2.1 loses most matches of a pair in one run of hundreds,
-    # with no other SQLite beside it. One keeps two cores busy as it is.
-    matching.num_threads = 1
-    verification = pycolmap.TwoViewGeometryOptions()
-    verification.ransac.random_seed = seed
-    options = {
-        "matching_options": matching,
-        "verification_options": verification,
-        "device": pycolmap.Device.cpu,
-    }
     if pairs is None and count <= MAX_EXHAUSTIVE:
-        total = pairs_of(count, pairs)
-        with _told("matching", database, "two_view_geometries", total, unit="pair"):
-            pycolmap.match_exhaustive(database, **options)
-        return
-    listed = Path(database).with_suffix(".pairs")
+        with pycolmap.Database.open(database) as opened:
+            ids = sorted(image.image_id for image in opened.read_all_images())
+        pairs = itertools.combinations(ids, 2)
     if pairs is None:
         with progress.heartbeat("COLMAP: photos that look alike"):
             pairs = _neighbours(database, seed)
-    listed.write_text("".join(f"{one} {other}\n" for one, other in sorted(pairs)))
+    # Neighbours by number share photos, which are read once.
+    pairs = sorted({*pairs} - pairs_in(database))
+    each = max(-(-len(pairs) // machine.cores()), MIN_PAIRS)
+    shares = [pairs[i : i + each] for i in range(0, len(pairs), each)]
+    if len(shares) < 2:
+        with _told("matching", [database], len(pairs), unit="pair"):
+            match_pairs(database, pairs, seed)
+        return
+    with tempfile.TemporaryDirectory(dir=Path(database).parent) as folder:
+        parts = [Path(folder, f"{i}.db") for i in range(len(shares))]
+        with contextlib.ExitStack() as running:
+            jobs = []
+            for part, share in zip(parts, shares, strict=True):
+                shutil.copyfile(database, part)
+                part.with_suffix(".json").write_text(json.dumps(share))
+                job = [sys.executable, "-I", "-c", MATCH, json.dumps(sys.path)]
+                job += [str(part), str(seed)]
+                with open(part.with_suffix(".log"), "w") as said:
+                    jobs.append(subprocess.Popen(job, stdout=said, stderr=said))
+                running.callback(jobs[-1].wait)
+                running.callback(jobs[-1].kill)
+            with _told("matching", parts, len(pairs), unit="pair"):
+                codes = [job.wait() for job in jobs]
+        for part, code in zip(parts, codes, strict=True):
+            if code:
+                said = part.with_suffix(".log").read_text(errors="replace").strip()
+                raise RuntimeError(f"matching stopped ({code}): {said[-500:]}")
+            take_pairs(database, part)
+
+
+def match_pairs(database, pairs, seed):
+    """Match pairs of image ids, one after another."""
+    matching = pycolmap.FeatureMatchingOptions()
+    matching.use_gpu = False
+    # With several, pycolmap 4.2.1 loses most matches of a pair in one run of hundreds,
+    # with no other SQLite beside it.
+    matching.num_threads = 1
+    verification = pycolmap.TwoViewGeometryOptions()
+    verification.ransac.random_seed = seed
+    listed = Path(database).with_suffix(".pairs")
+    listed.write_text("".join(f"{one} {other}\n" for one, other in pairs))
     by_list = pycolmap.ImportedPairingOptions()
     by_list.match_list_path = listed
+    with _numbers_as_names(database):
+        pycolmap.match_image_pairs(
+            database,
+            pairing_options=by_list,
+            matching_options=matching,
+            verification_options=verification,
+            device=pycolmap.Device.cpu,
+        )
+
+
+def match_share(database, seed):
+    """`match_pairs` of those that are listed beside a database."""
+    pairs = json.loads(Path(database).with_suffix(".json").read_text())
+    match_pairs(database, pairs, int(seed))
+
+
+def pairs_in(database):
+    """The pairs of image ids that are matched already."""
+    with pycolmap.Database.open(database) as opened:
+        numbers, _ = opened.read_two_view_geometries()
+    return {tuple(sorted(pycolmap.pair_id_to_image_pair(one))) for one in numbers}
+
+
+def take_pairs(database, part):
+    """Write the pairs that another database has more."""
+    known = pairs_in(database)
     with (
-        _numbers_as_names(database),
-        _told("matching", database, "two_view_geometries", len(pairs), unit="pair"),
+        pycolmap.Database.open(part) as source,
+        pycolmap.Database.open(database) as target,
     ):
-        pycolmap.match_image_pairs(database, pairing_options=by_list, **options)
+        for number, found in zip(*source.read_two_view_geometries(), strict=True):
+            pair = pycolmap.pair_id_to_image_pair(number)
+            if tuple(sorted(pair)) not in known:
+                target.write_two_view_geometry(*pair, found)
 
 
-def _told(step, database, table, total, *, unit):
-    """Show how far a step of COLMAP is, by the rows of its database's table."""
-    known = 0
+def _told(step, databases, total, *, unit):
+    """Show how far a step of COLMAP is, by the rows of its databases' table."""
+    table = {"photo": "keypoints", "pair": "two_view_geometries"}[unit]
+    known = {}
 
     def count():
-        nonlocal known
-        if (found := rows(database, table)) is not None:
-            known = found
-        return known
+        for database in databases:
+            if (found := rows(database, table)) is not None:
+                known[database] = found
+        return sum(known.values())
 
     return progress.watched(f"COLMAP: {step}", total, count, unit=unit)
 

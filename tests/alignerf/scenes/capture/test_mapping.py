@@ -93,6 +93,40 @@ def noisy(tmp_path, rng):
     return path, names
 
 
+def matches_in(path):
+    """{number of a pair: its matches} of a database."""
+    with pycolmap.Database.open(path) as opened:
+        numbers, found = opened.read_two_view_geometries()
+    both = zip(numbers, found, strict=True)
+    return {number: pair.inlier_matches.tolist() for number, pair in both}
+
+
+def test_several_processes_find_the_same_matches(noisy, monkeypatch):
+    path, names = noisy
+    mapping.extract(path, path.parent, names, 256)
+    found = []
+    for cores, least in ((1, 50), (3, 1)):
+        monkeypatch.setattr(mapping.machine, "cores", lambda cores=cores: cores)
+        monkeypatch.setattr(mapping, "MIN_PAIRS", least)
+        one = path.with_name(f"{cores}.db")
+        one.write_bytes(path.read_bytes())
+        mapping.match(one, 5, seed=0)
+        found.append(matches_in(one))
+    assert found[0] == found[1]
+    assert len(found[0]) >= 6
+
+
+def test_a_process_that_fails_says_why(noisy, monkeypatch):
+    path, names = noisy
+    mapping.extract(path, path.parent, names, 256)
+    monkeypatch.setattr(mapping.machine, "cores", lambda: 2)
+    monkeypatch.setattr(mapping, "MIN_PAIRS", 1)
+    monkeypatch.setattr(mapping, "MATCH", "raise SystemExit('disk is full')")
+    with pytest.raises(OSError, match="No space left"), mapping.room_for(path):
+        mapping.match(path, 5, seed=0)
+    assert not list(path.parent.glob("*/*.db"))
+
+
 def features_of(path):
     with pycolmap.Database.open(path) as opened:
         return [len(opened.read_keypoints(k + 1)) for k in range(5)]
@@ -114,12 +148,7 @@ def test_how_long_it_takes_is_said_before_it_does(noisy, monkeypatch, caplog):
     # What is found is the same.
     mapping.extract_from(alone, path.parent, names, 256, None, 100_000)
     mapping.match(alone, 5, seed=0)
-    each = []
-    for one in (path, alone):
-        with pycolmap.Database.open(one) as opened:
-            numbers, found = opened.read_two_view_geometries()
-        both = zip(numbers, found, strict=True)
-        each.append({number: pair.inlier_matches.tolist() for number, pair in both})
+    each = [matches_in(one) for one in (path, alone)]
     assert each[0] == each[1]
     assert sum(map(len, each[0].values())) > 100
 
