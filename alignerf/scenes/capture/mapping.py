@@ -16,7 +16,7 @@ from pathlib import Path
 import numpy as np
 import pycolmap
 
-from alignerf.io import machine, progress
+from alignerf.io import faults, machine, progress
 
 log = logging.getLogger(__name__)
 
@@ -52,12 +52,12 @@ with contextlib.closing(sqlite3.connect(database, uri=True)) as opened:
     print(*opened.execute(f"SELECT count(*) FROM {table}").fetchone())
 """
 # Fewer pairs than this are matched faster than a process begins.
-MIN_PAIRS = 50
+MIN_PAIRS, MAX_LOG_BYTES = 50, 2**20
 MATCH = """
 import json, sys
 sys.path[:] = json.loads(sys.argv[1])
 from alignerf.scenes.capture import mapping
-mapping.match_share(*sys.argv[2:])
+mapping.match_listed(*sys.argv[2:])
 """
 # A step that has ended waits for the last count.
 COUNT_S = 10.0
@@ -232,8 +232,9 @@ def match(database, count, seed, pairs=None):
     each = max(-(-len(pairs) // machine.cores()), MIN_PAIRS)
     shares = [pairs[i : i + each] for i in range(0, len(pairs), each)]
     if len(shares) < 2:
+        list_pairs(database, pairs)
         with _told("matching", [database], len(pairs), unit="pair"):
-            match_pairs(database, pairs, seed)
+            match_listed(database, seed)
         return
     with tempfile.TemporaryDirectory(dir=Path(database).parent) as folder:
         parts = [Path(folder, f"{i}.db") for i in range(len(shares))]
@@ -241,7 +242,7 @@ def match(database, count, seed, pairs=None):
             jobs = []
             for part, share in zip(parts, shares, strict=True):
                 shutil.copyfile(database, part)
-                part.with_suffix(".json").write_text(json.dumps(share))
+                list_pairs(part, share)
                 job = [sys.executable, "-I", "-c", MATCH, json.dumps(sys.path)]
                 job += [str(part), str(seed)]
                 with open(part.with_suffix(".log"), "w") as said:
@@ -252,24 +253,29 @@ def match(database, count, seed, pairs=None):
                 codes = [job.wait() for job in jobs]
         for part, code in zip(parts, codes, strict=True):
             if code:
-                said = part.with_suffix(".log").read_text(errors="replace").strip()
-                raise RuntimeError(f"matching stopped ({code}): {said[-500:]}")
+                said = faults.content(part.with_suffix(".log"), MAX_LOG_BYTES)
+                last = said.decode(errors="replace").strip()[-500:]
+                raise RuntimeError(f"matching stopped ({code}): {last}")
             take_pairs(database, part)
 
 
-def match_pairs(database, pairs, seed):
-    """Match pairs of image ids, one after another."""
+def list_pairs(database, pairs):
+    """Write pairs of image ids beside a database, for `match_listed`."""
+    listed = "".join(f"{one} {other}\n" for one, other in pairs)
+    Path(database).with_suffix(".pairs").write_text(listed)
+
+
+def match_listed(database, seed):
+    """Match the pairs that are listed beside a database, one after another."""
     matching = pycolmap.FeatureMatchingOptions()
     matching.use_gpu = False
     # With several, pycolmap 4.2.1 loses most matches of a pair in one run of hundreds,
     # with no other SQLite beside it.
     matching.num_threads = 1
     verification = pycolmap.TwoViewGeometryOptions()
-    verification.ransac.random_seed = seed
-    listed = Path(database).with_suffix(".pairs")
-    listed.write_text("".join(f"{one} {other}\n" for one, other in pairs))
+    verification.ransac.random_seed = int(seed)
     by_list = pycolmap.ImportedPairingOptions()
-    by_list.match_list_path = listed
+    by_list.match_list_path = Path(database).with_suffix(".pairs")
     with _numbers_as_names(database):
         pycolmap.match_image_pairs(
             database,
@@ -278,12 +284,6 @@ def match_pairs(database, pairs, seed):
             verification_options=verification,
             device=pycolmap.Device.cpu,
         )
-
-
-def match_share(database, seed):
-    """`match_pairs` of those that are listed beside a database."""
-    pairs = json.loads(Path(database).with_suffix(".json").read_text())
-    match_pairs(database, pairs, int(seed))
 
 
 def pairs_in(database):
