@@ -27,6 +27,15 @@ def test_a_blur_takes_the_fine_octaves_first():
     assert found[0] < 0.05
 
 
+def test_opposite_borders_that_differ_are_no_detail():
+    """A ramp has no fine octave, though its right border does not meet its left one."""
+    ramp = np.tile(np.linspace(0, 255, 96), (128, 1))
+    faded = spectrum.power(ramp)
+    y, x = np.fft.fftfreq(128)[:, None], np.fft.fftfreq(96)
+    fine = np.hypot(y, x) > 0.25
+    assert faded[fine].sum() < 1e-6 * faded.sum()
+
+
 @pytest.mark.parametrize("level", [0, 255])
 def test_without_detail_there_is_no_ratio(level):
     flat = np.full_like(PHOTO, level)

@@ -120,3 +120,13 @@ def test_photos_without_a_file_and_views_without_a_split_are_passed_over(tmp_pat
     held_out.check("HERE", views, {"a": "train", "c": "test"})
     with pytest.raises(ValueError, match="HERE: "):
         held_out.check("HERE", views, {"a": "train", "b": "test"})
+
+
+@pytest.mark.parametrize("metres", [1e-6, 1.0, 1e6])
+def test_one_camera_is_one_in_any_unit(metres):
+    """So far apart as a ten-thousandth of the capture, or ten times as far."""
+    poses = np.tile(np.eye(4)[:3], (4, 1, 1))
+    poses[:, 0, 3] = np.array([0, 5e-5, 1e-3, 1]) * metres
+    views = prepare.PosedViews(list("abcd"), np.eye(3)[None], poses, SIDE, SIDE, [])
+    assert held_out.same_camera(views, "a", "b")
+    assert not held_out.same_camera(views, "a", "c")

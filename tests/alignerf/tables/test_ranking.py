@@ -5,6 +5,7 @@ import math
 import numpy as np
 import pandas as pd
 import pytest
+import scipy.stats
 
 from alignerf.tables import ranking
 from tests import table_cases
@@ -80,6 +81,27 @@ def test_an_interval_of_tau_is_over_views(rng):
     assert "Ranking of 4 methods and rounds" in tex
     assert "over 6 views" in tex
     assert table_cases.cells(tex)[3][0] == "crossfit"
+
+
+def test_views_that_agree_and_views_that_do_not_open_the_interval():
+    """Half of the views rank one way, half the other: draws differ from each other."""
+    oracle = np.array([[1.0, 1, 1, 1, 1, 1], [2, 2, 2, 2, 2, 2]])
+    other = np.array([[0.0, 0, 0, 9, 9, 9], [2, 2, 2, 8, 8, 8]])
+    tau, low, high = ranking.tau_of(oracle, other)
+    assert (low, high) == (-1, 1)
+    assert tau == 1
+    one = ranking.tau_of(oracle[:, :3], other[:, :3])
+    assert one == (1, 1, 1)
+
+
+@pytest.mark.parametrize("rows", [3, 7])
+def test_tau_is_that_of_scipy(rng, rows):
+    first, second = rng.integers(0, 4, (2, 20, rows)).astype(float)
+    expected = [
+        scipy.stats.kendalltau(*pair).statistic
+        for pair in zip(first, second, strict=True)
+    ]
+    np.testing.assert_allclose(ranking.tau_b(first, second), expected)
 
 
 def test_what_some_row_lacks_is_not_ranked_or_named():

@@ -33,6 +33,8 @@ def test_a_photo_without_valid_flow_spoils_no_other(tmp_path):
     assert 1 <= low <= high <= 3
     assert math.isnan(evidence.median(flows[:0]))
     assert all(map(math.isnan, evidence.interval_of_median(flows[:1])))
+    # One photo of nine that is far off moves no median, and the mean by 100.
+    assert evidence.interval_of_median(np.array([1.0] * 8 + [900.0])) == (1.0, 1.0)
 
 
 def test_without_crops_there_are_none():
