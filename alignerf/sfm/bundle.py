@@ -40,6 +40,8 @@ MIN_TRACKS = 12
 ASTRAY, MIN_ASTRAY_PX = 8.0, 1.0
 # Pairs of views that COLMAP begins new poses with, at most.
 TRIALS = 20
+# Two focal lengths of a camera that differ by less are one.
+SQUARE = 1e-6
 # Focal lengths that differ by less are of one physical camera; so are principal points
 # within this share of the width.
 SAME_FOCAL, SAME_CENTRE = 0.05, 0.02
@@ -97,7 +99,7 @@ def adjust(matches: Matches, given: Cameras, work, *, seed, free="", images=None
     astray = ~(wrong_px <= max(ASTRAY * usual_px, MIN_ASTRAY_PX))
     groups = groups_of(given, matches.width)
     near, _ = centred(given)
-    state, placed = State(one_lens_each(near, groups), groups, ~astray), []
+    state, placed = begun(one_lens_each(near, groups), groups, ~astray), []
     everything = model_of(
         matches, state._replace(posed=np.ones_like(astray)), lens=lens
     )
@@ -181,7 +183,7 @@ def anew(matches: Matches, given: Cameras, work, *, seed) -> Cameras:
     (work / "sparse").mkdir(parents=True, exist_ok=True)
     groups = groups_of(given, matches.width)
     near, (extent, _, middle) = centred(given)
-    posed = State(one_lens_each(near, groups), groups, np.ones(len(groups), bool))
+    posed = begun(one_lens_each(near, groups), groups, np.ones(len(groups), bool))
     database = write_database(
         work / "matches.db", matches, model_of(matches, posed), MAX_MATCHES
     )
@@ -223,7 +225,7 @@ def triangulate(matches: Matches, given: Cameras, work, *, seed, images=None):
     lenses = given.camtopix[:, [0, 1, 0, 1], [0, 1, 2, 2]].round(9)
     _, groups = np.unique(lenses, axis=0, return_inverse=True)
     near, back = centred(given)
-    state = State(near, groups.ravel(), np.ones(len(groups), bool))
+    state = begun(near, groups.ravel(), np.ones(len(groups), bool))
     database = write_database(work / "given.db", matches, model_of(matches, state))
     with progress.heartbeat("COLMAP: points"):
         model = triangulated(
@@ -263,11 +265,22 @@ def turns_from(px):
 
 
 class State(NamedTuple):
-    """Cameras, the physical camera of each view, and which views have a pose."""
+    """Cameras, the physical camera of each view, and which views have a pose.
+
+    square: of each view, whether its camera has one focal length for both axes. It
+    stays so whatever comes of it: COLMAP's database has one model of a camera.
+    """
 
     cameras: Cameras
     groups: np.ndarray
     posed: np.ndarray
+    square: np.ndarray
+
+
+def begun(cameras, groups, posed):
+    """The `State` of cameras that come in."""
+    fx, fy = cameras.camtopix[:, 0, 0], cameras.camtopix[:, 1, 1]
+    return State(cameras, groups, posed, np.abs(fx / fy - 1) < SQUARE)
 
 
 def groups_of(given: Cameras, width):
@@ -320,13 +333,16 @@ def write_database(path, matches: Matches, model, most=np.inf):
     return path
 
 
-def camera_of(camtopix, distortion, size, number, *, lens):
-    """A pycolmap.Camera: as few parameters as say what is there.
+def camera_of(state: State, view, size, number, *, lens):
+    """A view's pycolmap.Camera: as few parameters as say what is there.
 
     lens: with distortion, also where that is 0 as yet.
     """
+    camtopix, distortion = (
+        getattr(state.cameras, k)[view] for k in ("camtopix", "distortion")
+    )
     (fx, fy), (cx, cy) = camtopix[[0, 1], [0, 1]], camtopix[:2, 2]
-    square, bent = abs(fx / fy - 1) < 1e-6, lens or distortion.any()
+    square, bent = bool(state.square[view]), lens or distortion.any()
     k1, k2, p1, p2, _ = distortion
     model, params = {
         (True, False): ("SIMPLE_PINHOLE", [fx, cx, cy]),
@@ -345,13 +361,7 @@ def model_of(matches: Matches, state: State, *, lens=False):
     model, size = pycolmap.Reconstruction(), (matches.width, matches.height)
     for group in np.unique(state.groups[state.posed]):
         first = int(np.flatnonzero(state.groups == group)[0])
-        camera = camera_of(
-            state.cameras.camtopix[first],
-            state.cameras.distortion[first],
-            size,
-            int(group) + 1,
-            lens=lens,
-        )
+        camera = camera_of(state, first, size, int(group) + 1, lens=lens)
         model.add_camera_with_trivial_rig(camera)
     for view in np.flatnonzero(state.posed):
         number, camera_id = int(view) + 1, int(state.groups[view]) + 1
@@ -432,13 +442,8 @@ def with_more(matches: Matches, state: State, model, px, seed):
         xy, xyz = seen_by(matches, view, points)
         if len(xy) < MIN_TRACKS:
             continue
-        camera = camera_of(
-            state.cameras.camtopix[view],
-            state.cameras.distortion[view],
-            (matches.width, matches.height),
-            1,
-            lens=False,
-        )
+        size = matches.width, matches.height
+        camera = camera_of(state, view, size, 1, lens=False)
         found = pycolmap.estimate_and_refine_absolute_pose(xy, xyz, camera, options)
         if found and found["num_inliers"] >= MIN_TRACKS:
             poses[view], posed[view] = colmap.pose_from(found["cam_from_world"]), True

@@ -127,3 +127,17 @@ def test_units_and_origin_of_the_world_do_not_matter(rng, tmp_path, scale, away)
     np.testing.assert_allclose(
         (centres - away) / scale, true.camtoworlds[:, :, 3], atol=0.05
     )
+
+
+def test_a_camera_keeps_its_model_while_its_focal_lengths_meet(rng, tmp_path):
+    """Of two axes that differ by a little, adjusting may make one of both."""
+    true = made.cameras()
+    given = perturbed(true, 1.0, rng)
+    given.camtopix[:, 1, 1] *= 1 + 2 * bundle.SQUARE
+    found = bundle.adjust(made.matched(true, rng), given, tmp_path, seed=0, free="lens")
+    (camera,) = found.model.cameras.values()
+    assert camera.model.name == "OPENCV"
+    now = found.cameras._replace(camtopix=true.camtopix)
+    state = bundle.begun(given, np.zeros(12, int), np.ones(12, bool))
+    again = bundle.camera_of(state._replace(cameras=now), 0, (64, 48), 1, lens=True)
+    assert again.model.name == "OPENCV"
