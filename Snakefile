@@ -27,7 +27,6 @@ from snakemake.cli import get_argument_parser
 from snakemake.utils import min_version
 
 from alignerf.costs import plan as costs
-from alignerf.costs import requests
 from alignerf.experiment import (
     asked,
     check,
@@ -68,10 +67,10 @@ experiments = check.or_exit(
 )
 wanted = check.or_exit(asked.Asked.of, experiments, words)
 export_by = targets.export_command(files)
-sources.set_environment(wanted.captures, export_by)
+sources.set_environment(export_by)
 
 # Of the rules: their jobs, patterns of their paths, and what they run.
-step = steps.Rules(experiments, local, requests)
+step = steps.Rules(experiments, local)
 scene, training = layout.Scene("{scene}"), layout.training("{scene}", "{training}")
 tables = scenes.across(experiments, wanted.narrowed)
 RUN = "python -m {params.command:q} 2>&1 | tee {log:q}"

@@ -11,20 +11,15 @@ middle of that interval, so its error is that interval's length at best.
 
 import contextlib
 import json
-import logging
 import time
 from pathlib import Path
 
 import numpy as np
 
-from alignerf.costs import summary
 from alignerf.io import atomic, faults, images, machine, owned, progress
 from alignerf.processes import devices
 from alignerf.scenes import prepared
 from alignerf.training import renderer
-
-log = logging.getLogger("alignerf")
-
 
 OPTIONS = {
     "config": "job as JSON, or its file",
@@ -43,8 +38,6 @@ def main(argv=None):
     args = faults.arguments(argv, __doc__, OPTIONS)
     machine.limit(args.threads)
     devices.take_accelerator()
-    if left := summary.Left(args.scene, args.timing).words():
-        log.info(left)
     owned.put(args.timing, [f"{split}.json" for split in args.splits])
     start = time.perf_counter()
     loaded = prepared.load(args.scene, args.cameras)

@@ -10,13 +10,11 @@ by `srun` for example, train one model (`alignerf.processes`).
 import contextlib
 import hashlib
 import json
-import logging
 from pathlib import Path
 
 import jax
 
 from alignerf.contributions import patch_conv
-from alignerf.costs import summary
 from alignerf.experiment import decisions, jobs
 from alignerf.io import atomic, faults, machine
 from alignerf.kernels import calls
@@ -32,9 +30,6 @@ from alignerf.training import (
     memory,
     program,
 )
-
-log = logging.getLogger("alignerf")
-
 
 OPTIONS = {
     "config": "job as JSON, or its file",
@@ -99,9 +94,6 @@ def train(job, args):
     shapes = batches.view_shapes(loaded, chosen)
     aligner = part.aligner(loaded, photos, args.checkpoints)
     to_come = checked_bytes(shapes, aligner, photos)
-    left = summary.Left(args.scene, args.timing)
-    if text := left.words():
-        log.info(text)
     # Whether the checkpoint is this job's shows when the photos are there.
     micro_batches = consensus.on(checkpoint.read_micro_batches(args.checkpoints))
     built = program.build(
@@ -112,7 +104,6 @@ def train(job, args):
         *(job, method, built, params, views, args.checkpoints),
         names=[loaded.names[view] for view in chosen],
         sources=args.sources + weights_digest(job),
-        note=left.words,
         aligner=aligner,
     )
     moved = part.moved(loaded, params, aligner)

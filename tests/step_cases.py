@@ -25,7 +25,7 @@ def options(rule, experiment, scene, **wildcards):
 
 
 def rule_of(name, experiment):
-    return getattr(steps.Rules(experiment, lambda path: path, None), name)
+    return getattr(steps.Rules(experiment, lambda path: path), name)
 
 
 def named(**wildcards):

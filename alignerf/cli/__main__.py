@@ -53,7 +53,7 @@ def run(name, scenes, folder, args):
     if args.budget_min is not None:
         print(
             f"{args.budget_min:g} min for each training. Renders, flow, scores, crops "
-            "and figures come on top: the whole time is printed before the first one"
+            "and figures come on top"
         )
     say_twice(path, scenes)
     pages = list(map(targets.page_of, scenes))
@@ -122,7 +122,7 @@ def say_how_long(scenes):
             minutes = round(folders.colmap_min(count))
             print(
                 f"{name}: COLMAP finds the cameras of {count} photos first, in about "
-                f"{minutes} min on two cores; then the time of the rest is printed"
+                f"{minutes} min on two cores; then the time of all trainings is printed"
             )
 
 

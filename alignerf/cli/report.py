@@ -1,12 +1,10 @@
 """A run in a few lines: each job when it ends, and what stopped it if something did.
 
-A terminal has a bar beneath them, with the time that is left. Elsewhere its text is a
-line now and then, as logs can have it.
+A terminal has a bar beneath them. Elsewhere its text is a line now and then, as logs
+can have it.
 """
 
-import functools
 import json
-import math
 import os
 import re
 import sys
@@ -19,7 +17,6 @@ from rich import console
 from rich import progress as bars
 
 from alignerf.cli import configs
-from alignerf.costs import summary
 from alignerf.experiment import targets
 from alignerf.io import faults, progress
 
@@ -28,15 +25,11 @@ TELLING = ("preflight",)
 # Seconds between changes of the bar, and between such lines in a log; or so many times
 # what they took to find.
 EVERY_S, LOG_EVERY_S, TIMES = 1.0, 30.0, 20.0
-# Of a job without a share of its own: the rest is for what takes longer than planned.
-MAX_BY_CLOCK = 0.95
 # Lines of the log that are shown where no job has failed.
 LAST_LINES = 40
 NAME_WIDTH, WIDTH, BAR_WIDTH = 62, 94, 24
 # Of one job.
 MAX_WARNINGS = 5
-# What is left of a plan is not known to so many seconds.
-SOON_S = 5
 # {} is the training, as `of_training` names it. Other rules have their own name.
 NAMES = {
     "poses": "photos and cameras",
@@ -74,7 +67,6 @@ class Running(NamedTuple):
     rule: str
     name: str
     begun_s: float
-    outputs: list
     logs: list
 
 
@@ -84,7 +76,7 @@ class Report:
     captures: scenes of the run. log: all its text, if it is in one file.
     """
 
-    def __init__(self, captures, log, stream=None, results="results"):
+    def __init__(self, captures, log, stream=None):
         # An editor's shell knows no control sequences.
         live = (stream or sys.stdout).isatty() and os.environ.get("TERM") != "dumb"
         self.console = console.Console(file=stream, force_terminal=live)
@@ -99,11 +91,11 @@ class Report:
         )
         self.whole = self.bar.add_task("", total=1.0)
         self.live, self.every_s = live, EVERY_S if live else LOG_EVERY_S
-        self.captures, self.log, self.results = captures, log, Path(results)
+        self.captures, self.log = captures, log
         self.begun_s = time.monotonic()
         self.due_s = self.begun_s + self.every_s
         self.running, self.finished, self.warned = {}, 0, set()
-        self.done, self.total, self.scenes, self.errors = 0, 0, [], []
+        self.done, self.total, self.errors = 0, 0, []
         # Of a line that is not whole yet.
         self.rest = ""
         # A job that ends from then on was stopped.
@@ -137,7 +129,6 @@ class Report:
                 event["rule_name"],
                 name_of(event["rule_name"], event["wildcards"], self.captures),
                 time.monotonic(),
-                event["output"],
                 event["log"],
             )
         elif kind in ("job_finished", "job_error"):
@@ -145,7 +136,7 @@ class Report:
         elif kind == "progress":
             self.done, self.total = event["done"], event["total"]
         elif kind == "run_info":
-            self.total, self.scenes = event["total"], event["scenes"].split("\n")
+            self.total = event["total"]
         elif kind == "error":
             self.errors.append(event["text"])
 
@@ -172,35 +163,14 @@ class Report:
                 self.line(f"      {part}")
 
     def state(self):
-        """(share that is done, 'jobs done, time left; jobs that run')."""
+        """(share that is done, 'jobs done; jobs that run')."""
         shown = {job.name: last_shown(job.logs) for job in self.running.values()}
         share = self.done / max(self.total, 1)
         text = f"{self.done} of {self.total} jobs"
-        share_of = functools.partial(self.share, shown)
-        if left := summary.seconds_left(self.results, self.scenes, share_of):
-            left_s, whole_s = left
-            share = 1 - left_s / max(whole_s, left_s, 1.0)
-            about = f"about {summary.minutes(left_s)} left"
-            text += f", {about if left_s > SOON_S else 'nearly done'}"
-        elif len(shown) == 1 and (only := next(iter(shown.values()))) and only.left_s:
+        if len(shown) == 1 and (only := next(iter(shown.values()))) and only.left_s:
             text += f", {clock(only.left_s)} left of this one"
         names = [n + (f", {one.text}" if one else "") for n, one in shown.items()]
         return share, "; ".join([text, *names])
-
-    def share(self, shown, path, task):
-        """The share of a task that a running job has done; None where none runs.
-
-        shown: {name of a running job: `bars.Shown`, or None}.
-        """
-        # Of crops, files lie beside the scene's folder.
-        path = Path(os.path.normpath(path))
-        for job in self.running.values():
-            if {Path(output) for output in job.outputs} & {path, *path.parents}:
-                if (one := shown[job.name]) and one.share is not None:
-                    return one.share
-                took_s = time.monotonic() - job.begun_s
-                return min(took_s / max(task.seconds, math.ulp(1)), MAX_BY_CLOCK)
-        return None
 
     def stop(self):
         """Say that the run is asked to end."""

@@ -1,1 +1,1 @@
-"""The cost of a plan before it starts, and the time left while it runs."""
+"""What a scene's trainings take, estimated before the first one starts."""

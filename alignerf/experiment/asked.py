@@ -77,11 +77,6 @@ class Asked(NamedTuple):
         return found
 
     @property
-    def captures(self):
-        """Captures of a run, whose planned time `alignerf.costs.summary` tells."""
-        return self.experiments.captures(self.tables or [""])
-
-    @property
     def scenes(self):
         """Scenes whose folders this run may write."""
         if self.words is None:

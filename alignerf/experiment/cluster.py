@@ -1,4 +1,4 @@
-"""Results in a storage of Snakemake's, and why Slurm has ended or refused jobs."""
+"""What jobs ask of a cluster, results in a storage, and why Slurm has ended jobs."""
 
 import os
 import re
@@ -19,6 +19,20 @@ WORDS = {
 }
 # The state of a job whose last step alone was out of memory is FAILED: its log tells.
 LOGS, OUT_OF_MEMORY = "slurm_logs", "oom-kill event"
+
+
+# A training of phone photos.
+MEMORY_MB, MINUTES = 8000, 240
+
+
+def usual_mb(wildcards, attempt):
+    """The resource mem_mb; a job that was killed asks for twice as much."""
+    return MEMORY_MB * 2 ** (attempt - 1)
+
+
+def minutes(wildcards, attempt):
+    """The resource runtime, likewise."""
+    return MINUTES * 2 ** (attempt - 1)
 
 
 def here(file):

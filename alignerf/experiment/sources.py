@@ -123,16 +123,14 @@ def imports(path):
     return modules
 
 
-def set_environment(scenes=(), export=""):
+def set_environment(export=""):
     """Let jobs find these sources, wherever the results go, and our Python.
 
     That is the Python that runs Snakemake, also where its environment is not
-    activated. Compiled JAX programs are kept between jobs and runs. scenes: names of
-    all that the run has, for the time that is left (`alignerf.costs.summary`). export:
-    as of `targets.export_command`.
+    activated. Compiled JAX programs are kept between jobs and runs. export: as of
+    `targets.export_command`.
     """
     os.environ[provenance.EXPORT] = export
-    os.environ["ALIGNERF_SCENES"] = "\n".join(scenes)
     # Programs for one kind of processor can end the process on another: each kind has a
     # folder, also where the machine that submits jobs has named that of its own.
     if Path(os.environ.get("JAX_COMPILATION_CACHE_DIR", CACHE / "any")).parent == CACHE:

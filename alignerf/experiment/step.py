@@ -11,7 +11,7 @@ class Step(NamedTuple):
     command: a module and its options. inputs: {name: path, or several}, below results/;
     None is left out. own: the same of a user's files, which lie in no storage. modules:
     those whose code the job runs; without any, the command's. memory_mb: None takes
-    what the preflight says of the task that ends with the file `ends_with`.
+    the usual.
     """
 
     command: list
@@ -21,7 +21,6 @@ class Step(NamedTuple):
     threads: int = 1
     gpu: int = 0
     memory_mb: int | None = None
-    ends_with: str = ""
 
 
 def words(module, **options):

@@ -19,7 +19,6 @@ class Shown(NamedTuple):
     """What a line says of a long loop; None stands for what is not known."""
 
     text: str
-    share: float | None = None
     left_s: float | None = None
 
 
@@ -27,30 +26,21 @@ def read(line):
     """The `Shown` of a line in a log; None of any other line."""
     if found := STEPS.match(line):
         _, unit, done, total, minutes, seconds = found.groups()
-        share = int(done) / max(int(total), 1)
-        return Shown(f"{unit} {done}/{total}", share, 60 * int(minutes) + int(seconds))
+        return Shown(f"{unit} {done}/{total}", 60 * int(minutes) + int(seconds))
     return Shown(line) if BEATS.fullmatch(line) else None
-
-
-def nothing(share):
-    """The note of a progress line without a note."""
-    return ""
 
 
 class Progress:
     """Counts steps; shows numbers, speed and the time left.
 
-    note: a function of the share that is done; its text stands behind the numbers.
     silent: nothing is shown, as where another process shows the same.
     """
 
     log_every_s = 10.0
 
-    def __init__(
-        self, title, total, *, done=0, unit="step", note=nothing, silent=False
-    ):
+    def __init__(self, title, total, *, done=0, unit="step", silent=False):
         self.title, self.total, self.done, self.unit = title, total, done, unit
-        self.note, self.silent, self.bar = note, silent, None
+        self.silent, self.bar = silent, None
         self.first, self.start = done, time.perf_counter()
         self.shown = self.start
         if sys.stderr.isatty() and not silent:
@@ -64,18 +54,15 @@ class Progress:
         if self.silent or (seldom and self.bar is None):
             return
         text = "  ".join(f"{name} {value:.4g}" for name, value in numbers.items())
-        note = self.note(self.done / max(self.total, 1))
         if self.bar is not None:
-            self.bar.set_postfix_str(
-                "  ".join(filter(None, [text, note])), refresh=False
-            )
+            self.bar.set_postfix_str(text, refresh=False)
             self.bar.update(count)
             return
         self.shown = now
         step_s = (now - self.start) / max(self.done - self.first, 1)
         minutes, seconds = divmod(round((self.total - self.done) * step_s), 60)
         line = f"{self.title}: {self.unit} {self.done}/{self.total}  {text}  "
-        line += f"eta {minutes}:{seconds:02d}" + (note and f"  {note}")
+        line += f"eta {minutes}:{seconds:02d}"
         print(line, file=sys.stderr, flush=True)
 
     def close(self):

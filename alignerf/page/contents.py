@@ -51,15 +51,13 @@ FIGURES = {
 
 # Ends of an interval.
 ENDS = ("difference_low_db", "difference_high_db")
-# What it takes from a poses.json and a preflight.json.
+# What it takes from a poses.json.
 POSES = prepared.POSES | dict.fromkeys(
     ("test_views", "height", "photo_height"), json_files.NUMBER
 )
 WAY = {"way": json_files.OrNone(str), "held_out": json_files.OrNone(str)}
 POSES |= {"external_renders": json_files.OrNone(WAY)}
-PLAN = dict.fromkeys(
-    ("wall_s", "cores", "memory_bytes", "disk_bytes"), json_files.NUMBER
-)
+SAID = {"said": str}
 
 
 class Cell(NamedTuple):
@@ -161,17 +159,12 @@ def quarter_turns(folder):
 
 
 def costs(folder):
-    """Sentences on the estimated cost of the run; none without a preflight."""
+    """The line of the run's estimated cost; none without a preflight."""
     path = folder / "preflight.json"
-    if not path.is_file() or not (plan := json_files.read(path)):
+    if not path.is_file():
         return []
-    plan = json_files.read(path, PLAN)
-    hours = plan["wall_s"] / 3600
-    took = f"{60 * hours:.0f} minutes" if hours < 1 else f"{hours:.1f} hours"
     return [
-        f"Expected before the first training: {took} on {plan['cores']} cores, "
-        f"{plan['memory_bytes'] / 1e9:.1f} GB of memory, "
-        f"{plan['disk_bytes'] / 1e9:.2f} GB of disk."
+        f"Expected before the first training: {json_files.read(path, SAID)['said']}."
     ]
 
 

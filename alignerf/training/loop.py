@@ -46,14 +46,14 @@ class NoAligner:
         return views
 
 
-def fit(*start, note=progress.nothing, **options):
+def fit(*start, **options):
     """Train to the last step; returns (parameters, timing).
 
-    start, options: those of `begin`. note: what the progress line says besides, of the
-    share done. Compilation is timed apart: a cache often saves it.
+    start, options: those of `begin`. Compilation is timed apart: a cache often saves
+    it.
     """
     run = begin(*start, **options)
-    run_steps(run, note)
+    run_steps(run)
     return devices.local(run.state.params), run.timing()
 
 
@@ -205,7 +205,7 @@ def describe(job, method, params):
     return facts
 
 
-def run_steps(run, note):
+def run_steps(run):
     """The loop: step, look at the numbers, save now and then.
 
     Before the aligner's steps the run is saved, then aligned. Raises
@@ -215,7 +215,7 @@ def run_steps(run, note):
     schedule = program.schedule_of(run.job, run.program.mesh)
     done, pending = int(run.state.step), []
     saved = fetched = time.perf_counter()
-    options = {"done": done, "note": note, "silent": not consensus.is_first()}
+    options = {"done": done, "silent": not consensus.is_first()}
     bar = progress.Progress(run.job.stage, steps, **options)
     with contextlib.closing(bar):
         while done < steps:

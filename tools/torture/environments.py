@@ -31,7 +31,6 @@ OTHERS = {
     "GIT_DIR": ("/nowhere",),
     "SLURM_JOB_ID": ("x",),
     "SLURM_PROCID": ("3",),
-    "ALIGNERF_SCENES": ("x\ny z w\n\n",),
     "MALLOC_ARENA_MAX": ("1",),
 }
 # Folders of a user's, which a run may make or read.

@@ -2,7 +2,7 @@
 # what it compiles its trainings need not. No training has it as an input: measured
 # anew, for another plan, it makes nothing again.
 rule preflight:
-    """Measure this machine and estimate a scene's hours, memory and disk"""
+    """Time a step of each training and estimate a scene's minutes and memory"""
     input:
         unpack(step.preflight.inputs),
     output:
@@ -17,7 +17,7 @@ rule preflight:
     threads: step.preflight.threads
     resources:
         gpu=step.preflight.gpu,
-        mem_mb=requests.usual_mb,
+        mem_mb=cluster.usual_mb,
         of_training=sources.OF_TRAINING,
     params:
         command=step.preflight.command,

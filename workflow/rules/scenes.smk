@@ -15,7 +15,7 @@ rule poses:
         "../../environment.yml"
     threads: step.poses.threads
     resources:
-        mem_mb=requests.usual_mb,
+        mem_mb=cluster.usual_mb,
     params:
         command=step.poses.command,
         sources=step.poses.sources,

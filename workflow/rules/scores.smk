@@ -13,8 +13,8 @@ rule align_test_poses:
     threads: step.align_test_poses.threads
     resources:
         gpu=step.align_test_poses.gpu,
-        mem_mb=step.align_test_poses.memory_mb,
-        runtime=step.align_test_poses.minutes,
+        mem_mb=cluster.usual_mb,
+        runtime=cluster.minutes,
     params:
         command=step.align_test_poses.command,
         sources=step.align_test_poses.sources,

@@ -20,7 +20,7 @@ rule train:
         gpu=step.train.gpu,
         launcher="",
         mem_mb=step.train.memory_mb,
-        runtime=step.train.minutes,
+        runtime=cluster.minutes,
     params:
         command=step.train.command,
         sources=step.train.sources,
@@ -47,7 +47,7 @@ rule render:
     resources:
         gpu=step.render.gpu,
         mem_mb=step.render.memory_mb,
-        runtime=step.render.minutes,
+        runtime=cluster.minutes,
     params:
         command=step.render.command,
         sources=step.render.sources,

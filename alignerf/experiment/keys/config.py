@@ -90,8 +90,7 @@ class Config(Keys):
     )
     preflight: bool = key(
         True,
-        "hours, memory and disk are estimated before any training; false starts at "
-        "once",
+        "minutes and memory are estimated before any training; false starts at once",
     )
     scenes: named(Scene, NAME) = key(what="name -> where images and cameras come from")
     decide: bool = key(

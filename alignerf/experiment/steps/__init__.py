@@ -6,7 +6,7 @@ attributes are named after them.
 
 import functools
 
-from alignerf.experiment import layout
+from alignerf.experiment import cluster, layout
 from alignerf.experiment.sources import sources_of
 from alignerf.experiment.steps import scenes, trainings
 
@@ -15,15 +15,15 @@ class Rules:
     """`Rule`s by their names.
 
     experiments: `plan.Experiments`, or one Experiment. local: marks a path in no
-    storage, for Snakemake. requests: `costs.requests`.
+    storage, for Snakemake.
     """
 
-    def __init__(self, experiments, local, requests):
-        self.experiments, self.asked = experiments, (local, requests)
+    def __init__(self, experiments, local):
+        self.experiments, self.local = experiments, local
 
     def __getattr__(self, name):
         step = vars(scenes).get(name) or vars(trainings)[name]
-        found = Rule(functools.partial(self.of_scene, step), *self.asked)
+        found = Rule(functools.partial(self.of_scene, step), self.local)
         setattr(self, name, found)
         return found
 
@@ -35,8 +35,8 @@ class Rules:
 class Rule:
     """What Snakemake asks of a rule, for the wildcards of each job."""
 
-    def __init__(self, make, local, requests):
-        self.make, self.local, self.requests = make, local, requests
+    def __init__(self, make, local):
+        self.make, self.local = make, local
         self.last = None, None
 
     def step(self, wildcards):
@@ -67,13 +67,8 @@ class Rule:
         return self.step(wildcards).gpu
 
     def memory_mb(self, wildcards, attempt):
-        step = self.step(wildcards)
-        measured = self.requests.memory_mb(step.ends_with)
-        return step.memory_mb or measured(wildcards, attempt)
-
-    def minutes(self, wildcards, attempt):
-        ends_with = self.step(wildcards).ends_with
-        return self.requests.minutes(ends_with)(wildcards, attempt)
+        asked = self.step(wildcards).memory_mb
+        return asked or cluster.usual_mb(wildcards, attempt)
 
 
 def outputs(path):

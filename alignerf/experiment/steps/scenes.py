@@ -60,7 +60,7 @@ def facts(experiment, w):
 
 
 def preflight(experiment, w):
-    """Hours, memory and disk of a scene's whole plan, from a calibration."""
+    """Minutes and memory of a scene's trainings, from a timed step of each."""
     scene = layout.Scene(w.scene)
     command = words("alignerf.costs", scene=scene, out=scene.preflight)
     inputs = {"images": scene.images, "cameras": scene.cameras}

@@ -4,9 +4,6 @@ from alignerf import testsets
 from alignerf.experiment import layout, sources, trainings
 from alignerf.experiment.step import Step, flow_options, words
 
-TIMING, RENDERED = "{training}/timing.json", "{training}/render"
-MOVED = "{training}/metrics_aligned_pose.csv"
-
 
 def train(experiment, w):
     """A training; of an external method its commands, of finished renders nothing."""
@@ -15,7 +12,7 @@ def train(experiment, w):
     inputs = read | {"given": scene.cameras, "images": scene.images}
     options = {"config": training.job.text, "scene": scene} | read
     options |= {"learnt": at.learnt, "timing": at.timing}
-    asked = asks(experiment, training) | {"ends_with": TIMING}
+    asked = asks(experiment, training)
     if not training.job.ours:
         seed = experiment.scenes[w.scene]["seed"]
         command = words("alignerf.external.train", **options, training=at, seed=seed)
@@ -61,8 +58,7 @@ def render(experiment, w):
             "model": at.model,
         }
         command = words("alignerf.render_views", **options)
-    asked = asks(experiment, training) | {"ends_with": RENDERED}
-    return Step(command, inputs, own, **asked)
+    return Step(command, inputs, own, **asks(experiment, training))
 
 
 def align(experiment, w):
@@ -243,7 +239,7 @@ def align_test_poses(experiment, w):
     inputs |= {"cameras": scene.cameras}
     inputs["decisions"] = trainings.decisions_of(experiment.config, w.scene)
     asked = {"gpu": sources.ACCELERATORS, "threads": sources.OF_TRAINING}
-    return Step(command, inputs, **asked, ends_with=MOVED)
+    return Step(command, inputs, **asked)
 
 
 def evaluate(experiment, w):

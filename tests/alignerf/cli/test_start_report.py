@@ -7,7 +7,6 @@ import re
 import pytest
 
 from alignerf.cli import configs, report
-from alignerf.costs import summary
 
 
 @pytest.fixture
@@ -69,55 +68,11 @@ def test_what_a_run_costs_is_shown(told, stream, tmp_path):
     assert "      chair: about 12 min on 2 cores\n" in stream.getvalue()
 
 
-def plan(folder, *tasks):
-    """preflight.json of tasks (seconds, file), one after the other."""
-    folder.mkdir(parents=True, exist_ok=True)
-    every = [{"kind": "rest", "seconds": s, "file": file} for s, file in tasks]
-    content = dict.fromkeys(summary.NUMBERS, 1) | {"tasks": every, "external": []}
-    content |= {"scene": folder.name, "wall_s": sum(seconds for seconds, _ in tasks)}
-    (folder / "preflight.json").write_text(json.dumps(content))
-
-
-def test_the_time_left_is_that_of_the_plan(told, tmp_path):
-    scene = tmp_path / "results" / "chair"
-    plan(
-        scene,
-        (300, "a/round0/timing.json"),
-        (300, "b/round0/timing.json"),
-        (600, "b/round0/render"),
-        # Of crops, beside the scene.
-        (600, "../chair_crops/a/round0/timing.json"),
-    )
-    (scene / "a/round0").mkdir(parents=True)
-    (scene / "a/round0/timing.json").touch()
-    (tmp_path / "b.log").write_text("t: step 50/100    eta 0:10\n")
-    told.take({"event": "run_info", "total": 9, "scenes": "chair"})
-    told.take({"event": "progress", "done": 3, "total": 8})
-    file = "results/chair/b/round0/timing.json"
-    begin(told, 1, "train", file, log="b.log", training="b/round0")
-    share, text = told.state()
-    assert text == "3 of 8 jobs, about 22 min left; b: training, step 50/100"
-    assert share == pytest.approx(1 - 1350 / 1800, abs=1e-3)
-    # Jobs without a log of their own go by the clock; a folder holds its file.
-    told.running.clear()
-    begin(told, 2, "render", "results/chair/b/round0/render", training="b/round0")
-    begin(told, 3, "train", "results/chair_crops/a/round0/timing.json")
-    (scene / "b/round0/render").mkdir(parents=True)
-    (tmp_path / file).touch()
-    told.running[2] = told.running[2]._replace(begun_s=-1e9)
-    assert "about 10 min left" in told.state()[1]
-
-
-@pytest.mark.parametrize("content", ["{", "{}", '{"tasks": 3}', "[]"])
-def test_without_a_plan_jobs_are_counted(told, tmp_path, content):
-    scene = tmp_path / "results" / "chair"
-    scene.mkdir(parents=True)
-    told.take({"event": "run_info", "total": 4, "scenes": "chair"})
+def test_jobs_are_counted(told, tmp_path):
+    told.take({"event": "run_info", "total": 4})
     (tmp_path / "p.log").write_text("images: view 3/12    eta 0:45\n")
     begin(told, 1, "poses", "results/chair/images", log="p.log")
     said = "0 of 4 jobs, 0:45 left of this one; photos and cameras, view 3/12"
-    assert told.state() == (0, said)
-    (scene / "preflight.json").write_text(content)
     assert told.state() == (0, said)
 
 
@@ -171,7 +126,7 @@ class Terminal(io.StringIO):
 
 def run_info(told, tmp_path, *more):
     """Let it look at the events of a run that has begun, now."""
-    events = [{"event": "run_info", "total": 6, "scenes": ""}, *more]
+    events = [{"event": "run_info", "total": 6}, *more]
     path = tmp_path / "events"
     path.write_text("".join(json.dumps(event) + "\n" for event in events))
     told.due_s = 0.0

@@ -3,6 +3,7 @@
 import json
 import os
 import sys
+import types
 
 import pytest
 
@@ -31,10 +32,9 @@ JOB = {
 
 
 def work():
-    one = {"name": "plain/round0", "job": JOB, "after": [], "external": False}
+    one = {"name": "plain/round0", "job": JOB, "after": []}
     one |= {"splits": ["test"], "crop": None}
-    found = {"trainings": [one], "judged": one["name"], "scored": 0, "moved": None}
-    return found | {"flow": ["--method", "dis_fast"]}
+    return {"trainings": [one], "judged": one["name"]}
 
 
 def run(scene, out, found, monkeypatch):
@@ -55,21 +55,16 @@ def run(scene, out, found, monkeypatch):
 def test_a_tiny_plan_is_measured_and_told(scene, tmp_path, monkeypatch, capsys):
     out = tmp_path / "preflight.json"
     found = run(scene, out, work(), monkeypatch)
-    assert found["scene"] == scene.name
-    assert (found["cores"], found["parallel_jobs"]) == (1, 1)
     (rates,) = found["rates"].values()
     assert all(value >= 0 for value in rates.values())
     assert 0 < rates["step_s"] < 1
-    assert rates["params"] > 100
     assert 5e7 < rates["peak_bytes"] == found["memory_bytes"] < 4e9
-    assert min(found["flow"].values()) > 0
     assert found["length"]["epochs"] > 0
-    tasks = [plan.Task(**task) for task in found["tasks"]]
-    assert found["wall_s"] == pytest.approx(sum(t.seconds for t in tasks), abs=0.1)
-    assert found["disk_bytes"] == sum(task.new_bytes for task in tasks) > 0
-    assert scene.name in capsys.readouterr().out
+    assert 0 < found["wall_s"] < 300
+    said = capsys.readouterr().out
+    assert said.startswith(f"{scene.name}: trainings and renders take about ")
     costs.main(["--show", str(out), str(out)])
-    assert "all scenes: about" in capsys.readouterr().out
+    assert capsys.readouterr().out == 2 * said
 
 
 @pytest.mark.parametrize(
@@ -87,9 +82,17 @@ def test_a_fault_is_said_and_one_of_memory_with_what_to_do(
     python.chmod(0o755)
     monkeypatch.setattr(sys, "executable", str(python))
     with pytest.raises(ValueError, match=said):
-        costs.calibrate(scene, 1, jobs.parse(JOB))
+        costs.calibrate(types.SimpleNamespace(scene=scene, threads=1), jobs.parse(JOB))
 
 
 def test_nothing_is_asked_for(capsys):
     costs.main(["--show"])
     assert "preflight: false" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize("damaged", ["", "[1]", '{"a": 1}', '{"said": 3}'])
+def test_a_file_that_is_no_preflight_is_named(tmp_path, damaged):
+    path = tmp_path / "preflight.json"
+    path.write_text(damaged)
+    with pytest.raises(ValueError, match=r"preflight\.json: "):
+        costs.main(["--show", str(path)])

@@ -53,9 +53,7 @@ def told(record):
             found[key] = [str(path) for path in given.get(key) or ()]
         found["wildcards"] = {k: str(v) for k, v in record.wildcards.items()}
     elif found["event"] == "run_info":
-        # Set by the Snakefile: the plans of which scenes tell the time that is left.
-        scenes = os.environ.get("ALIGNERF_SCENES", "")
-        found |= {"total": record.stats["total"], "scenes": scenes}
+        found["total"] = record.stats["total"]
     elif found["event"] in ("text", "error") and record.levelname == "ERROR":
         found |= {"event": "error", "text": record.getMessage()}
     return found
