@@ -55,16 +55,7 @@ if workflow.is_main_process and "snakemake" in sys.argv[0].split("/")[-2:]:
 # A config of the user's differs from the defaults, and not from one that is shipped.
 files = workflow.overwrite_configfiles
 given = {"": config} if files else check.or_exit(shipped.configs, config)
-# Whether a method with `rounds: auto` goes on is known once rule `decide` has run.
-experiments = check.or_exit(
-    shipped.experiments,
-    given,
-    files,
-    lambda **place: plan.goes_on(
-        cluster.here(checkpoints.decide.get(**place).output[0])
-    ),
-    words,
-)
+experiments = check.or_exit(shipped.experiments, given, files, words)
 wanted = check.or_exit(asked.Asked.of, experiments, words)
 export_by = targets.export_command(files)
 sources.set_environment(export_by)
@@ -140,7 +131,7 @@ onstart:
         check.or_exit(
             results.claim,
             wanted.scenes,
-            targets.replaced(experiments, workflow.dag),
+            targets.replaced(workflow.dag),
             targets.written(workflow.dag),
         )
 

@@ -134,11 +134,11 @@ def demo():
 
 @pytest.fixture(scope="session")
 def experiment_of():
-    """config -> the experiment that it means; no round has been decided on."""
+    """config -> the experiment that it means."""
     from alignerf.experiment import check, plan
 
-    def make(config, decided=None):
-        return plan.Experiment(check.checked(copy.deepcopy(config)), decided)
+    def make(config):
+        return plan.Experiment(check.checked(copy.deepcopy(config)))
 
     return make
 

@@ -37,7 +37,7 @@ OPTIONS = {
     "[cameras]": "cameras.npz (default: the scene's)",
     "[photos]": "folder of photos (default: the scene's)",
     "[valid]": "folder of <view>.npz with valid pixels",
-    "[initial]": "parameters to fine-tune or go on from",
+    "[initial]": "parameters to fine-tune",
     "[threads]": faults.THREADS,
     "[sources]": ("hash: other code starts anew", ""),
     "checkpoints": "folder to resume from",
@@ -71,8 +71,6 @@ def run(args):
         timing = train(job, args)
     if not consensus.is_first():
         return
-    if job.stage == "finetune":
-        timing["radius_px"] = job.alignerf.radius_px
     with atomic.replace_file(args.timing) as path:
         path.write_text(json.dumps(timing, indent=1))
 
@@ -156,15 +154,13 @@ def weights_digest(job) -> str:
 
 
 def initial_params(job, method, initial):
-    """Fresh parameters, those of the round before, or widened pre-trained ones."""
+    """Fresh parameters, or widened pre-trained ones."""
     key = jax.random.key(job.seed)
-    if job.continues and initial is None:
-        raise ValueError(f"--initial: stage {job.stage!r} needs trained parameters")
-    if job.stage == "warm":
-        return checkpoint.read_params(initial, jax.eval_shape(method.init, key))
     fresh = jax.jit(method.init)(key)
     if job.stage != "finetune":
         return fresh
+    if initial is None:
+        raise ValueError("--initial: fine-tuning needs trained parameters")
     pretrain = compose.make_method(jobs.plain(job))
     template = jax.eval_shape(pretrain.init, key)
     trained = checkpoint.read_params(initial, template)

@@ -18,7 +18,7 @@ from alignerf.io import faults, owned
 ACROSS = (*shipped.NAMES, "arm", "comparison", "remedies", "flow_benchmark")
 JOBS = (
     *("poses", "facts", "config", "preflight", "train", "render", "align", "overfit"),
-    *("correct_poses", "align_test_poses", "decide", "control_sets", "draw", "verdict"),
+    *("correct_poses", "align_test_poses", "control_sets", "draw", "verdict"),
     *("page", r"evaluate\w*", r"decompose(?:_photos)?_(?:train|test)"),
     *(r"(?:\w+/)?collect", r"(?:\w+/)?\w+_table", "export_(?:cameras|photos)"),
 )

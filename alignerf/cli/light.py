@@ -92,11 +92,11 @@ def run(path, cores, wanted, overrides=(), forced=()):
     config = configs.read(path)
     for key, _, value in (one.partition("=") for one in overrides):
         config[key] = int(value)
-    experiment = plan.Experiment(check.checked(config, [path]), None)
+    experiment = plan.Experiment(check.checked(config, [path]))
     plan.check_equal(experiment)
     results.check_folders(experiment.scenes, experiment.methods)
     cluster.link(experiment.scenes, S.config)
-    sources.set_environment(experiment.captures(), targets.export_command([path]))
+    sources.set_environment(targets.export_command([path]))
     results.check_writable(experiment.scenes, experiment.methods)
     found = jobs_of(experiment, wanted_of(experiment, wanted), cores)
     with interruptible() as asked, shown(experiment.captures()) as (told, tell):

@@ -45,7 +45,6 @@ NAMES = {
     "correct_poses": "{}: cameras corrected",
     "align_test_poses": "{}: cameras fitted to test photos",
     "evaluate": "{}: scores",
-    "decide": "{}: decision on another round",
     "testset": "warped test photos",
     "control_sets": "controls of the warped test photos",
     "collect": "scores and costs",

@@ -5,7 +5,7 @@ import os
 from typing import NamedTuple
 
 from alignerf.causes import shift
-from alignerf.experiment import decisions, jobs, plan
+from alignerf.experiment import decisions, jobs
 from alignerf.io import json_files
 
 # Of a ray's seconds in a training: without gradients, which take twice as long.
@@ -41,25 +41,24 @@ def of_scene(experiment, scene):
 
     trainings, in an order in which they can run: `name`, the folder below the scene's;
     `job`, the slice, null of another program's; `after`, names of those that it needs;
-    `splits` that are rendered; `crop`, of crops of the scene's photos. With `rounds:
-    auto` all rounds are counted that there may be. judged: the verdict's training.
+    `splits` that are rendered; `crop`, of crops of the scene's photos. judged: the
+    verdict's training.
     """
-    longest = plan.Experiment(experiment.config, lambda **place: True)
     found = {
         one.folder: {
             "name": one.folder,
             "job": one.job.model_dump() if one.job.ours else None,
             "after": list(dict.fromkeys(t.folder for t in (*one.after, *one.flows))),
-            "splits": longest.splits(scene, one.folder),
+            "splits": experiment.splits(scene, one.folder),
             "crop": None,
         }
-        for one in longest.trainings(scene).values()
+        for one in experiment.trainings(scene).values()
     }
-    judged = longest.reference_folder(scene, 0).name
+    judged = experiment.reference_folder(scene, 0).name
     crops = []
     for name in experiment.crops(scene) if judged in found else ():
         crop, steps = (experiment.scenes[name][key] for key in ("crop", "steps"))
-        cameras = crop["cameras"] and longest.at(scene, crop["cameras"], 0).folder
+        cameras = crop["cameras"] and experiment.at(scene, crop["cameras"], 0).folder
         more = {"name": f"{os.pardir}/{name}/{judged}", "splits": ["train", "test"]}
         more |= {"after": [cameras] if cameras else [], "crop": crop | {"steps": steps}}
         crops.append(found[judged] | more)

@@ -120,16 +120,12 @@ def check_given(config):
 
 
 def check_reference(config):
-    """The reference's round is one that is trained, whatever the flow does."""
+    """The reference's round is one that is trained."""
     name, round = config["reference"]["method"], config["reference"]["round"]
     if name not in config["methods"]:
         fault("reference.method", f"no method {name!r}")
     rounds = config["methods"][name]["rounds"]
-    if round == "last":
-        return
-    if rounds == "auto" and round > 1:
-        fault("reference.round", "with rounds: auto it must be 0, 1 or last")
-    if rounds != "auto" and round > rounds:
+    if round != "last" and round > rounds:
         fault("reference.round", f"{name} has fewer rounds")
 
 

@@ -35,17 +35,6 @@ def minutes(wildcards, attempt):
     return MINUTES * 2 ** (attempt - 1)
 
 
-def here(file):
-    """A rule's output, which a plan is to read; fetched, where a storage has it.
-
-    Snakemake fetches what jobs need. Each time, since the job may have made it anew.
-    """
-    if file.is_storage:
-        Path(file).parent.mkdir(parents=True, exist_ok=True)
-        file.storage_object.retrieve_object()
-    return file
-
-
 def link(scenes, output, results="results"):
     """Let results/SCENE lead to where a storage's files lie while jobs use them.
 

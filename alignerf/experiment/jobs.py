@@ -44,17 +44,14 @@ class Job(Text, Keys):
     """All that decides what a training computes, besides scene and threads.
 
     own: the key by which a job of its stage is of this class. part: `module:class` of
-    what it adds to a training (`methods.base.Part`). continues: it begins with trained
-    parameters. annealed: its first samples spread beyond where proposals put them.
-    aligns: its settings of alignments in the loop. learns: those of cameras that are
-    learnt with the scene. weights: the file that its loss looks through. moves: what it
-    changes while it runs: `cameras`, `photos`.
+    what it adds to a training (`methods.base.Part`). aligns: its settings of alignments
+    in the loop. learns: those of cameras that are learnt with the scene. weights: the
+    file that its loss looks through. moves: what it changes while it runs: `cameras`,
+    `photos`.
     """
 
     own: ClassVar = None
     part: ClassVar = None
-    continues: ClassVar = False
-    annealed: ClassVar = True
     aligns: ClassVar = None
     learns: ClassVar = None
     weights: ClassVar = None

@@ -111,7 +111,6 @@ class Training(Folder):
     # Cameras that its flow corrects.
     corrected = Below("corrected/cameras.npz")
     corrections = Below("corrected/poses_corrected.json")
-    decision = Below("decision.json")
     aligned_pose = Below("aligned_pose")
     metrics = Below("metrics.csv")
     metrics_aligned_pose = Below("metrics_aligned_pose.csv")
@@ -141,8 +140,6 @@ def training(scene, folder):
 
 # Of a training's, with an entry for each split.
 OF_SPLITS = ("renders", "depth", "render", "flow", "warped", "displacement")
-# Folders of a training's that are replaced as a whole.
-FOLDERS = (*OF_SPLITS, "learnt")
 INSIDE = re.compile(
     rf"({RESULTS}/.+/(?:{'|'.join(OF_SPLITS)}))/(?:train|test|oracle)(?:\.\w+)?"
     rf"|({RESULTS}/.+/learnt)/(?:cameras\.npz|model\.msgpack|photos|valid)"

@@ -19,9 +19,7 @@ from alignerf.io import json_files
 def kept(method):
     """A cached method of `Experiment`: one computation for equal arguments.
 
-    A plan of many scenes calls a method millions of times with equal arguments. A
-    method that calls `decided` must not be cached: the answer of `decided` changes
-    when Snakemake's checkpoint `decide` has run.
+    A plan of many scenes calls a method millions of times with equal arguments.
     """
 
     @functools.wraps(method)
@@ -38,13 +36,10 @@ class Experiment:
     """A config as `check.checked` returns it, and what follows from it.
 
     Neither the config nor the result of a cached method changes later.
-    decided(scene=, method=, round=) says whether a method with `rounds: auto` trains
-    another round after `round`. A method with a number of rounds never asks `decided`.
     """
 
-    def __init__(self, config, decided):
+    def __init__(self, config):
         self.config = config
-        self.decided = decided
         self.methods = config["methods"]
         self.scenes = config["scenes"]
         self.known = {}
@@ -95,9 +90,8 @@ class Experiment:
     def rounds_of(self, scene, method):
         """A method's trainings in a scene, round 0 first; equal trainings are shared.
 
-        With `rounds: auto`, all rounds up to `max_rounds`. The trainings of methods
-        earlier in `in_order` are always made first, so the name of a shared training
-        does not depend on the order of calls.
+        The trainings of methods earlier in `in_order` are always made first, so the
+        name of a shared training does not depend on the order of calls.
         """
         for name in itertools.takewhile(lambda name: name != method, self.in_order()):
             self.rounds_of(scene, name)
@@ -118,10 +112,7 @@ class Experiment:
 
     @kept
     def trainings(self, scene):
-        """{folder: training} of a scene, in an order in which trainings can run.
-
-        All rounds that there may be are included.
-        """
+        """{folder: training} of a scene, in an order in which trainings can run."""
         chains = [self.rounds_of(scene, method) for method in self.methods]
         needed = (one for t in itertools.chain(*chains) for one in trainings.needs(t))
         return {training.folder: training for training in needed}
@@ -170,16 +161,6 @@ class Experiment:
             folders.add(self.judged_folder(scene).name)
         return folders
 
-    def last_round(self, scene, method):
-        """A method's last round; with `rounds: auto`, where the rounds stopped."""
-        chosen = self.methods[method]
-        if chosen["rounds"] != "auto":
-            return chosen["rounds"]
-        for k in range(chosen["max_rounds"]):
-            if not self.decided(scene=scene, method=method, round=k):
-                return k
-        return k + 1
-
     def all_rounds(self, scene):
         """(method, round) of every training that is scored, in the config's order.
 
@@ -189,7 +170,7 @@ class Experiment:
             (name, k)
             for name in self.trained()
             if self.is_scored(scene, name)
-            for k in range(self.last_round(scene, name) + 1)
+            for k in range(self.methods[name]["rounds"] + 1)
             if self.at(scene, name, k).folder == f"{name}/round{k}"
         ]
 
@@ -213,7 +194,7 @@ class Experiment:
         """The round whose renders the warped test set is made from."""
         reference = self.config["reference"]
         if reference["round"] == "last":
-            return self.last_round(scene, reference["method"])
+            return self.methods[reference["method"]]["rounds"]
         return reference["round"]
 
     def reference_folder(self, scene, round=None):
@@ -320,11 +301,6 @@ def complete_config(experiment, name):
     found = experiment.config | {"scenes": found}
     # The order of models and methods has a meaning: tables and defaults follow it.
     return json.dumps(found)
-
-
-def goes_on(path):
-    """What `flow.rounds` decided, from its file."""
-    return json_files.read(path, {"go_on": bool})["go_on"]
 
 
 def folders(experiments):

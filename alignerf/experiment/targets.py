@@ -191,19 +191,11 @@ def causes(snakemake_logs):
     return found
 
 
-def replaced(experiment, dag):
-    """Folders that Snakemake removes before their jobs write them anew.
-
-    Of `rounds: auto` the later rounds are planned in the middle of a run.
-    """
+def replaced(dag):
+    """Folders that Snakemake removes before their jobs write them anew."""
     outputs = (file for job in dag.needrun_jobs() for file in job.output)
     # What is updated its job finds as it is, and puts its own files into.
-    found = [f for f in outputs if f.is_directory and not f.flags.get("update")]
-    for name, method in experiment.methods.items():
-        if method["rounds"] == "auto":
-            every = Path("results").glob(f"*/{name}/round*/*")
-            found += [one for one in every if one.name in layout.FOLDERS]
-    return found
+    return [f for f in outputs if f.is_directory and not f.flags.get("update")]
 
 
 def tidy(scenes):
@@ -271,7 +263,7 @@ def exports(experiment):
             folders += [layout.Scene(scene).export(method, what) for what in whats]
             continue
         for method in experiment.trained():
-            last = experiment.last_round(scene, method)
+            last = experiment.methods[method]["rounds"]
             training = experiment.at(scene, method, last)
             at = layout.Scene(scene)
             if last > 0 or moves_cameras(training):

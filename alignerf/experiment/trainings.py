@@ -177,14 +177,3 @@ def retimed(training, steps, budget_min=None):
     if warmup_steps and steps and training["steps"]:
         warmup_steps = round(warmup_steps / training["steps"] * steps)
     return {"steps": steps, "budget_min": budget_min, "warmup_steps": warmup_steps}
-
-
-def part_of(training, share):
-    """A share of the length, and of a given warm-up."""
-    if training["budget_min"] is None:
-        return retimed(training, max(1, round(share * training["steps"])))
-    warmup_steps = training["warmup_steps"]
-    return {
-        "budget_min": share * training["budget_min"],
-        "warmup_steps": warmup_steps and round(share * warmup_steps),
-    }

@@ -4,8 +4,6 @@ import importlib
 import shutil
 from typing import Literal
 
-import pydantic
-
 from alignerf import methods
 from alignerf.experiment import jobs, schema, trainings
 from alignerf.experiment.checks.common import fault
@@ -16,15 +14,12 @@ class Common(Keys):
     """Keys of every method, which stand before those of the records."""
 
     model: str | None = key(None, "a key of models; null takes the first")
-    rounds: int | Literal["auto"] = key(
+    rounds: int = key(
         0,
-        "rounds of render, flow, fix and training after the first training; auto goes "
-        "on until the flow of the training views falls by less than a tenth, see "
-        "flow/rounds.py; decision.json of each round says why",
+        "rounds of render, flow, fix and training after the first training",
         least=0,
         most=16,
     )
-    max_rounds: int = key(4, "rounds at most, with `rounds: auto`", least=1, most=16)
     lengths: list[float] | None = key(
         None,
         "those of `vary.lengths` at which it is scored; null: all",
@@ -32,18 +27,11 @@ class Common(Keys):
         most=1000,
         length=(1, 100),
     )
-    changes: Literal["photos", "cameras", "cameras_then_photos"] = key(
+    changes: Literal["photos", "cameras"] = key(
         "photos",
         "what a round fixes by the flow: photos are warped, as in the paper, or "
-        "training cameras are corrected; cameras_then_photos warps photos in "
-        "the last round only; with alignerf, cameras are corrected before fine-tuning",
+        "training cameras are corrected; with alignerf, before fine-tuning",
     )
-
-    @pydantic.model_validator(mode="after")
-    def check_most_rounds(self):
-        if self.rounds != "auto" and self.max_rounds != self.default("max_rounds"):
-            raise ValueError("max_rounds: only with `rounds: auto`")
-        return self
 
 
 PUBLISHED = key(
@@ -81,8 +69,6 @@ class Method:
     in_loop = False
     # Whether its crops are shown beside its baseline's.
     in_crops = False
-    # Whether its rounds go on from another method's.
-    goes_on = False
 
     @property
     def example(self):

@@ -4,18 +4,7 @@ from alignerf.experiment import jobs, schema, trainings
 from alignerf.experiment.checks.common import fault
 from alignerf.methods import base
 
-KEYS = ("rounds", "max_rounds", "changes")
-
-
-def corrects(method):
-    """[what each round after the first changes]: `photos` or `cameras`.
-
-    With `rounds: auto`, of all rounds that there may be.
-    """
-    last = method["rounds"] if method["rounds"] != "auto" else method["max_rounds"]
-    if method["changes"] == "cameras_then_photos":
-        return ["cameras"] * (last - 1) + ["photos"]
-    return [method["changes"]] * last
+KEYS = ("rounds", "changes")
 
 
 def after(before, folder, job, what):
@@ -35,40 +24,27 @@ class Rounds(base.Method):
     beside = (*base.Method.beside, *KEYS)
 
     def check(self, config, name):
-        """There are the rounds that change the cameras, and one for the photos."""
-        method, where = config["methods"][name], f"methods.{name}.changes"
-        changes, rounds = method["changes"], method["rounds"]
-        if changes == "cameras" and rounds == 0:
-            fault(where, "cameras need a round to be corrected for")
-        if changes == "cameras_then_photos" and (rounds == "auto" or rounds < 2):
-            fault(where, "cameras_then_photos needs a number of rounds, 2 or more")
-
-    def first(self, experiment, scene, name, job, once):
-        """Round 0."""
-        return once(trainings.from_photos(scene, f"{name}/round0", job))
+        """There is a round that changes the cameras."""
+        method = config["methods"][name]
+        if method["changes"] == "cameras" and method["rounds"] == 0:
+            fault(f"methods.{name}.changes", "cameras need a round to be corrected for")
 
     def job(self, experiment, scene, name):
         """What each round's training is told."""
         return schema.check(jobs.Full, trainings.common(experiment, scene, name))
 
     def trainings(self, experiment, scene, name, once):
-        """Round 0, and every round that there may be after it."""
-        job = self.job(experiment, scene, name)
-        chain = [self.first(experiment, scene, name, job, once)]
-        for what in corrects(experiment.methods[name]):
-            before = chain[-1]
-            training = after(before, f"{name}/round{len(chain)}", job, what)
-            if self.goes_on:
-                training = training._replace(initial=before.model)
-            chain.append(once(training))
+        """Round 0, and every round after it."""
+        job, method = self.job(experiment, scene, name), experiment.methods[name]
+        chain = [once(trainings.from_photos(scene, f"{name}/round0", job))]
+        for k in range(method["rounds"]):
+            folder = f"{name}/round{k + 1}"
+            chain.append(once(after(chain[-1], folder, job, method["changes"])))
         return chain
 
     def moves(self, method, round):
-        return frozenset(corrects(method)[:round])
+        return frozenset([method["changes"]] if method["rounds"] and round != 0 else [])
 
     def words(self, experiment, name):
         changes = experiment.methods[name]["changes"]
-        if changes == "photos":
-            return []
-        then = ", then photos" if changes == "cameras_then_photos" else ""
-        return [f"cameras corrected{then}"]
+        return [] if changes == "photos" else ["cameras corrected"]

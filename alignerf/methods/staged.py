@@ -3,7 +3,7 @@
 Methods of a model share the pre-training. Between the stages cameras may be corrected.
 """
 
-from typing import ClassVar, Literal
+from typing import Literal
 
 from alignerf import methods
 from alignerf.experiment import jobs, schema, trainings
@@ -76,7 +76,6 @@ class Pretrain(jobs.Job):
 class Finetune(jobs.Job):
     """The second stage, on patches."""
 
-    continues: ClassVar = True
     stage: Literal["finetune"] = key("finetune")
     alignerf: Finetuning = key()
 
@@ -115,8 +114,6 @@ class Staged(base.Method):
         """It has no rounds, and shares its pre-training with others of its model."""
         method, where = config["methods"][name], f"methods.{name}"
         settings, model = method["alignerf"], method["model"]
-        if method["changes"] == "cameras_then_photos":
-            fault(f"{where}.changes", "a staged training has no round to warp photos")
         for other, chosen in config["methods"].items():
             theirs = chosen["model"] == model and chosen["alignerf"]
             if theirs and theirs["pretrain_fraction"] != settings["pretrain_fraction"]:

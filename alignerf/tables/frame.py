@@ -136,7 +136,7 @@ def rows_of(frame):
 
 
 def shared(frame):
-    """The rows that all scenes have: with `rounds: auto` some have more."""
+    """The rows that all scenes have."""
     counts = frame.groupby(ROW)["scene"].transform("nunique")
     return frame[counts == frame["scene"].nunique()]
 

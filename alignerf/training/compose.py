@@ -45,7 +45,6 @@ def without_cameras(job: jobs.Job, *, to_train, learning=False) -> methods.Metho
             model,
             data_loss=loss,
             batch_rays=training.batch_rays,
-            annealed=job.annealed,
             coarse_to_fine=tuple((job.learns and job.learns.coarse_to_fine) or ()),
             **shared,
         )

@@ -76,21 +76,18 @@ def mipnerf360(
     loss_weights: LossWeights,
     data_loss=losses_of_rays.charbonnier,
     proposal_fraction=1.0,
-    annealed=True,
     coarse_to_fine=(),
 ) -> Method:
     """The baseline: single rays, Charbonnier loss (arXiv 2111.12077).
 
     proposal_fraction: share of the rays that train the proposals; as published, all.
-    annealed: early in training, samples spread beyond where the proposals put them;
-    False for a training that begins with trained proposals.
     coarse_to_fine: the shares of the training between which fine frequencies are faded
     in (BARF).
     """
 
     def of_fraction(share):
         shares = {
-            "train_fraction": share if annealed else 1.0,
+            "train_fraction": share,
             "proposal_fraction": proposal_fraction,
         }
         if coarse_to_fine:

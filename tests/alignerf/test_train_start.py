@@ -11,7 +11,7 @@ from alignerf import train
 from alignerf.contributions import patch_conv
 from alignerf.experiment import jobs
 from alignerf.scenes import cameras, prepared
-from alignerf.training import checkpoint, compose, loop
+from alignerf.training import checkpoint, compose
 from tests import job_cases as cases
 
 MODELS = {
@@ -74,41 +74,6 @@ def colours_of(method, params):
         return method.colours(params, patch_conv.pad(values) if method.halo else values)
 
     return np.asarray(look(jax.tree.map(jnp.asarray, params)))
-
-
-def test_a_warm_start_begins_with_the_parameters_given(
-    folder, uninterrupted, tmp_path, monkeypatch
-):
-    """Not with fresh ones; it resumes bit for bit, and wants them to fit."""
-    initial = str(uninterrupted / "learnt" / "model.msgpack")
-    warm = cases.JOB | {
-        "stage": "warm",
-        "training": cases.TRAINING | {"steps": 8},
-    }
-    more = ("--initial", initial)
-    begun = []
-    with monkeypatch.context() as patched:
-        run_steps = loop.run_steps
-
-        def first_state(run, note):
-            begun.append(jax.tree.map(np.asarray, run.state.params))
-            return run_steps(run, note)
-
-        patched.setattr(loop, "run_steps", first_state)
-        whole = cases.run(folder, tmp_path / "whole", warm, *more)
-        cases.kill_after_save(patched, 4)
-        with pytest.raises(cases.Killed):
-            cases.run(folder, tmp_path / "parts", warm, *more)
-    given = checkpoint.read_params(initial, begun[0])
-    jax.tree.map(np.testing.assert_array_equal, begun[0], given)
-    assert cases.run(folder, tmp_path / "parts", warm, *more) == whole
-    with pytest.raises(ValueError, match="--initial: stage 'warm' needs trained"):
-        cases.run(folder, tmp_path / "none", warm)
-    field = cases.GRID | {"view_widths": [16]}
-    other = warm | {"model": cases.JOB["model"] | {"field": field}}
-    with pytest.raises(ValueError, match=r"model\.msgpack"):
-        cases.run(folder, tmp_path / "other", other, *more)
-    assert not (tmp_path / "other" / "learnt" / "model.msgpack").exists()
 
 
 @pytest.mark.parametrize("which", ["scene's", "given"])

@@ -68,7 +68,7 @@ def rows_of(path):
 
 def test_a_method_is_trained_costed_and_exported(scene):
     timing = json.loads((scene / "twice/round0/timing.json").read_text())
-    assert (timing["stage"], timing["steps"]) == ("warm", 15)
+    assert (timing["stage"], timing["steps"]) == ("full", 15)
     table = rows_of(scene / "tables/misalignment.csv")
     row = next(row for row in table if row["method"] == "twice")
     assert row["field"] == "grid 2^10, cameras corrected once"

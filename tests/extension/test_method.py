@@ -22,7 +22,7 @@ def fault(its):
     except ValueError as error:
         return str(error)
 
-experiment = plan.Experiment(checked({}), lambda **_: True)
+experiment = plan.Experiment(checked({}))
 work = costs.of_scene(experiment, "courtyard")
 table = {row.method: row for row in rows.of_scene(experiment, "courtyard")}
 reached = {path.name for path in sources.reached("alignerf.train")}

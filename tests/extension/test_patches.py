@@ -75,7 +75,7 @@ for change in {"step_m": 20.0}, {"step": 1}:
     except ValueError as error:
         faults.append(str(error))
 scene = found["my_rail"] | {"rail": {"step_m": 0.5}, "triangulate": False}
-experiment = plan.Experiment(check.checked({"scenes": {"my_rail": scene}}), None)
+experiment = plan.Experiment(check.checked({"scenes": {"my_rail": scene}}))
 slice_of = plan.scene_config(experiment, "my_rail")
 out = pathlib.Path("results/my_rail")
 poses.main(json.loads(slice_of), out)
@@ -129,7 +129,7 @@ for change in {"degrees": 9}, {"steps": 1}, {"training": {"proposal_fraction": 1
         checked(**change)
     except ValueError as error:
         faults.append(str(error))
-experiment = plan.Experiment(checked(), None)
+experiment = plan.Experiment(checked())
 model = {"kind": "one_look"}
 training = {k: v for k, v in job_cases.TRAINING.items() if k != "learning_rates"}
 job = job_cases.JOB | {"model": model, "training": training}

@@ -1,12 +1,12 @@
-"""A toy method: cameras are corrected once, and the training goes on."""
+"""A toy method: cameras are corrected once, and a shorter training follows."""
 
-from alignerf.experiment import schema, trainings
+from alignerf.experiment import jobs, schema, trainings
 from alignerf.experiment.keys import key as keys
-from alignerf.methods import base, warm
+from alignerf.methods import base
 
 
 class Settings(keys.Keys):
-    """After the baseline's flow has put the cameras right, it trains on."""
+    """After the baseline's flow has put the cameras right, it trains anew."""
 
     share: float = keys.key(0.5, "of the steps", above=0, most=1)
 
@@ -17,15 +17,15 @@ class GoesOn(base.Method):
     key, Keys = "goes_on", Settings
 
     def trainings(self, experiment, scene, name, once):
-        """One training, from the weights and with the cameras of the baseline's."""
+        """One training, with the cameras that the baseline's flow has corrected."""
         first = experiment.at(scene, experiment.baseline(name), 0)
         job = trainings.common(experiment, scene, name)
         share = experiment.methods[name]["goes_on"]["share"]
-        job["training"] |= trainings.part_of(job["training"], share)
+        steps = round(share * job["training"]["steps"])
+        job["training"] |= trainings.retimed(job["training"], steps)
         training = trainings.from_photos(
-            *(scene, f"{name}/round0", schema.check(warm.Job, job)),
+            *(scene, f"{name}/round0", schema.check(jobs.Full, job)),
             cameras=trainings.corrected(first),
-            initial=first.model,
             after=(first,),
             flows=(first,),
         )

@@ -108,15 +108,14 @@ def counts_of(config):
     methods = config.get("methods", default).values()
     # Crops of a scene are made for its verdict, or by name.
     scenes = sum("crop" not in scene for scene in config["scenes"].values())
-    others = {"alignerf", "warm_start", "align"}
+    others = {"alignerf", "align"}
     # Methods that differ in their rounds, or in what they are called, share them.
     plain = {}
     for method in (m for m in methods if not others & m.keys()):
         kind = {k: v for k, v in method.items() if k not in ("rounds", *BESIDE)}
         plain.setdefault(repr(kind), []).append(method.get("rounds", 0))
     aligning = sum("align" in m for m in methods)
-    warm = [m["rounds"] for m in methods if "warm_start" in m]
-    trained = sum(max(rounds) + 1 for rounds in plain.values()) + sum(warm) + aligning
+    trained = sum(max(rounds) + 1 for rounds in plain.values()) + aligning
     staged = [(m.get("model"), m.get("adjust")) for m in methods if "alignerf" in m]
     return scenes, len(staged), len(set(staged)), trained
 
@@ -146,10 +145,6 @@ def test_every_config_can_be_planned(path, tmp_path, dry_run):
     code, output = dry_run(tmp_path, "--configfile", written, "-n")
     assert code == 0, output
     jobs = jobs_of(output)
-    if any(m.get("rounds") == "auto" for m in config.get("methods", {}).values()):
-        # What follows is known when the flow of round 0 is.
-        assert jobs["decide"] == len(config["scenes"])
-        return
     if any("changes" in m for m in config.get("methods", {}).values()):
         # Methods that begin alike share trainings: the test below.
         assert jobs["correct_poses"] > 0
@@ -293,7 +288,6 @@ def test_rounds_of_cameras_learnt_cameras_and_exports_are_planned(
     demo["methods"] = {
         "mipnerf360": {"model": "base", "rounds": 1},
         "moved": {"model": "base", "rounds": 2, "changes": "cameras"},
-        "both": {"model": "base", "rounds": 2, "changes": "cameras_then_photos"},
         "joint": {"model": "base", "pose_optimization": {}},
         "aligned": {"model": "base", "align": {}},
         "alignerf": {"model": "base", "alignerf": {}},
@@ -303,21 +297,21 @@ def test_rounds_of_cameras_learnt_cameras_and_exports_are_planned(
     code, output = dry_run(tmp_path, "--configfile", written, "-n", "all", "export")
     assert code == 0, output
     wanted = {
-        # Rounds 0 and 1 of photos, 1 and 2 of cameras, and photos after the first;
-        # one that learns cameras, one that aligns itself; and AligNeRF twice, once
-        # with cameras corrected after the one pre-training.
-        "train": 5 + 1 + 1 + 1 + 2,
-        "render": 9 + 1,
-        "align": 9 + 1,
+        # Rounds 0 and 1 of photos, 1 and 2 of cameras; one that learns cameras, one
+        # that aligns itself; and AligNeRF twice, once with cameras corrected after the
+        # one pre-training.
+        "train": 4 + 1 + 1 + 1 + 2,
+        "render": 8 + 1,
+        "align": 8 + 1,
         "correct_poses": 2 + 1,
-        "align_test_poses": 9,
+        "align_test_poses": 8,
     }
     assert jobs_of(output).items() >= wanted.items()
     files = {
-        **dict.fromkeys(("/metrics.csv", "/metrics_aligned_pose.csv"), 9),
-        "/decomposition_test.csv": 9,
-        "/export/cameras": 6,
-        "/export/photos": 3,
+        **dict.fromkeys(("/metrics.csv", "/metrics_aligned_pose.csv"), 8),
+        "/decomposition_test.csv": 8,
+        "/export/cameras": 5,
+        "/export/photos": 2,
     }
     assert made(output, *files) == files
 

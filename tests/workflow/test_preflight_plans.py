@@ -14,11 +14,6 @@ def planned(output):
 @pytest.fixture
 def options(tmp_path, demo):
     demo["scenes"]["other"] = demo["scenes"]["courtyard"]
-    demo["methods"]["warm"] = {
-        "model": "base",
-        "rounds": 1,
-        "warm_start": {"from": "mipnerf360"},
-    }
     demo["methods"]["joint"] = {"model": "base", "pose_optimization": {}}
     demo["methods"]["in_loop"] = {"model": "base", "align": {"shrink": 2}}
     demo["preflight"] = True
@@ -37,9 +32,8 @@ def test_no_training_has_its_scenes_cost_as_an_input(options, dry_run):
     assert asking == ["rule page"] * 2
 
 
-def test_a_preview_trains_nothing_also_where_rounds_are_to_be_decided(options, dry_run):
+def test_a_preview_trains_nothing(options, dry_run):
     config = yaml.safe_load(options[2].read_text())
-    config["methods"]["auto"] = {"model": "base", "rounds": "auto"}
     config["decide"] = True
     options[2].write_text(yaml.safe_dump(config, sort_keys=False))
     code, output = dry_run(*options, "preview")

@@ -68,7 +68,7 @@ def experiment_of(path):
     """The experiment of a config in full size, without weights."""
     config = yaml.safe_load(path.read_text()) | {"small": False}
     config["full_size"] |= {"frequency_weights": None, "lpips": {}}
-    return plan.Experiment(check.checked(config, [str(path)]), None)
+    return plan.Experiment(check.checked(config, [str(path)]))
 
 
 def program(job):

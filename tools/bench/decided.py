@@ -66,7 +66,7 @@ def trainings(name, scene, steps, options):
     folder = (
         options.out.resolve() / "scenes" / name.replace(", ", "_").replace(" ", "_")
     )
-    experiment = plan.Experiment(check.checked(config_of(scene)), None)
+    experiment = plan.Experiment(check.checked(config_of(scene)))
     if not (folder / "poses.json").exists():
         split.stage(
             "alignerf.poses", config=plan.scene_config(experiment, "s"), out=folder
@@ -78,7 +78,7 @@ def trainings(name, scene, steps, options):
     settings = {"decided": chosen}
     settings |= {f"{count} steps": {"training": {"steps": count}} for count in steps}
     for setting, config in settings.items():
-        experiment = plan.Experiment(check.checked(config_of(scene) | config), None)
+        experiment = plan.Experiment(check.checked(config_of(scene) | config))
         job = experiment.at("s", "mipnerf360", 0).job.model_dump()
         if job["decisions"]:
             job["decisions"] = str(out)

@@ -90,7 +90,7 @@ def job_of(config, scene, share, method):
     kept |= {"models": read.get("models", {"base": {}}), "training": {"steps": steps}}
     method = method.replace(TRUE, "plain")
     kept["methods"] = {name: read["methods"][name] for name in ("plain", method)}
-    experiment = plan.Experiment(check.checked(kept), None)
+    experiment = plan.Experiment(check.checked(kept))
     return experiment.at("scene", method, 0).job.text
 
 

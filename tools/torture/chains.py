@@ -16,8 +16,8 @@ from tests import judged_cases
 from tools.torture import stages
 
 SCENE, JUDGED = "tiny", "theirs"
-# Every kind of stage: cameras corrected, warm start, optimized poses, alignment on the
-# way, staged training.
+# Every kind of stage: cameras corrected, optimized poses, alignment on the way, staged
+# training.
 CONFIG = """
 preflight: false
 scenes:
@@ -35,7 +35,6 @@ models:
     field: { <<: *field, view_widths: [8] }
 methods:
   mipnerf360: { rounds: 1, changes: cameras }
-  warm: { rounds: 1, warm_start: { from: mipnerf360 } }
   learnt: { pose_optimization: {} }
   aligned: { align: { estimator: dis_fine, min_move_px: 0 } }
   alignerf:

@@ -74,7 +74,7 @@ def of_config(config, place):
 
 def planned(config):
     """Plan all that a config asks for, as the Snakefile does."""
-    experiment = plan.Experiment(config, lambda **place: False)
+    experiment = plan.Experiment(config)
     for scene in experiment.scenes:
         targets.of_scene(experiment, scene)
         for training in experiment.trainings(scene).values():
@@ -114,7 +114,7 @@ def line_fault(text, place):
 
 def job_of(config):
     """A fine-tuning's job of a complete config, as its rule would be given it."""
-    experiment = plan.Experiment(config, lambda **place: False)
+    experiment = plan.Experiment(config)
     (staged, *_) = experiment.names("in_crops")
     return experiment.at(next(iter(experiment.scenes)), staged, 0).job.model_dump()
 

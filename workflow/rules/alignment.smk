@@ -81,26 +81,6 @@ rule overfit:
         RUN_IN_THREADS
 
 
-# With `rounds: auto`: whether another round follows, and why.
-checkpoint decide:
-    """Decide whether another round follows"""
-    input:
-        unpack(step.decide.inputs),
-    output:
-        f"{scene}/{{method}}/round{{round}}/decision.json",
-    log:
-        f"{scene}/{{method}}/round{{round}}/logs/decide.log",
-    benchmark:
-        f"{scene}/{{method}}/round{{round}}/logs/decide.tsv"
-    conda:
-        "../../environment.yml"
-    params:
-        command=step.decide.command,
-        sources=step.decide.sources,
-    shell:
-        RUN
-
-
 rule correct_poses:
     """Correct cameras by the flow between renders and photos"""
     input:

@@ -37,12 +37,13 @@ RENAMED = {
     "least_move_px": "min_move_px",
     "least_registered": "min_registered",
     "least_train_views": "min_train_views",
-    "most_rounds": "max_rounds",
 }
 REMOVED = {
     "refine_keypoints": ": keypoints are not aligned by patches any more; the second "
     "adjustment of COLMAP's poses is `adjust_again`",
     "dilation": ": the method `aligned_loss: {}` replaces dilated patches",
+    "max_rounds": ": `rounds` is a number; two are enough",
+    "warm_start": ": each round trains from scratch, as in the paper",
     "regimes": ": `snakemake comparison` has its rows, `table4` those of the paper",
 }
 RENAMED_VALUES = {"judged": "external_renders", "given": "input"}

@@ -44,7 +44,7 @@ def last(experiment, scene, method):
 
 def last_training(experiment, scene, method):
     """The training of a method's last round."""
-    return experiment.at(scene, method, experiment.last_round(scene, method))
+    return experiment.rounds_of(scene, method)[-1]
 
 
 def prepared(scene):
@@ -130,7 +130,7 @@ def test_views(experiment, scene):
     if "test" not in experiment.capture(scene).splits(experiment.scenes[scene]):
         return []
     method = experiment.config["reference"]["method"]
-    every = range(experiment.last_round(scene, method) + 1)
+    every = range(experiment.methods[method]["rounds"] + 1)
     shown = [(experiment.folder(scene, method, k), None) for k in every]
     moved = [n for n in experiment.trained() if experiment.moves(n, 0)]
     others = at_length(experiment, scene, [*experiment.names("in_loop"), *moved])
@@ -158,7 +158,7 @@ def compared(experiment, scene):
     bases = [experiment.baseline(method) for method in others]
     chosen = []
     for method in dict.fromkeys(bases or [experiment.config["reference"]["method"]]):
-        chosen += [(method, k) for k in {0, experiment.last_round(scene, method)}]
+        chosen += [(method, k) for k in {0, experiment.methods[method]["rounds"]}]
     chosen += [(method, 0) for method in dict.fromkeys(others) if method not in bases]
     found = []
     for method, k in chosen:

@@ -156,28 +156,6 @@ def overfit(experiment, w):
     return Step(command, inputs, threads=sources.WHOLE_MACHINE)
 
 
-def decide(experiment, w):
-    """Whether another round follows: by the training views' flow, now and before.
-
-    Of cameras, by the correction that another round would train with.
-    """
-    k = int(w.round)
-    own = f"{layout.Scene(w.scene)}/{w.method}"
-    # The decision is the method's own, also where it starts from another's round.
-    inputs = {"before": f"{own}/round{k - 1}/decision.json"} if k > 0 else {}
-    now, following = (experiment.at(w.scene, w.method, n) for n in (k, k + 1))
-    at = now.path
-    if following.cameras == at.corrected:
-        inputs["corrections"] = at.corrections
-    else:
-        inputs["flow"] = f"{at.flow}/train"
-        if k > 0:
-            before = experiment.folder(w.scene, w.method, k - 1)
-            inputs["before_flow"] = f"{before.flow}/train"
-    out = f"{own}/round{k}/decision.json"
-    return Step(words("flow.rounds", **inputs, out=out), inputs)
-
-
 def correct_poses(experiment, w):
     """Cameras of a training, corrected by what their motion explains of its flow."""
     scene, at = layout.Scene(w.scene), layout.training(w.scene, w.training)

@@ -115,16 +115,12 @@ def printed(experiment):
 def remedies(experiment):
     """All `Scene`s, for the table of remedies.
 
-    Raises ValueError where methods have several models or `rounds: auto`, and where a
-    scene lacks a twin that is trained as long as the config's `training`.
+    Raises ValueError where methods have several models, and where a scene lacks a twin
+    that is trained as long as the config's `training`.
     """
-    trained = {name: experiment.methods[name] for name in experiment.trained()}
-    if len({method["model"] for method in trained.values()}) > 1:
+    trained = [experiment.methods[name] for name in experiment.trained()]
+    if len({method["model"] for method in trained}) > 1:
         raise ValueError("config: methods: target remedies needs one model for all")
-    for name, method in trained.items():
-        if method["rounds"] == "auto":
-            where = f"config: methods.{name}.rounds"
-            raise ValueError(f"{where}: remedies need a number, not auto")
     found = compared(experiment)
     whole = {(scene.alike, scene.seed) for scene in found if scene.share == 1}
     for scene in found:

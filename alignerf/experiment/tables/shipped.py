@@ -46,18 +46,17 @@ def merged(config, overrides):
     return found
 
 
-def experiments(given, files, decided, words=()):
+def experiments(given, files, words=()):
     """`plan.Experiments` of configs by name; files: those of a user's config.
 
     words: of the command line. A config that they do not ask for is left out where it
-    cannot run, as without its photos. Raises ValueError, naming key and files. decided:
-    as of `plan.Experiment`.
+    cannot run, as without its photos. Raises ValueError, naming key and files.
     """
     asked, found = {"", *needed(words or ())}, {}
     for name, config in given.items():
         try:
             checked = check.checked(config, files, tell=name in asked)
-            experiment = plan.Experiment(checked, decided)
+            experiment = plan.Experiment(checked)
             for rule in (plan.check_equal, plan.check_lengths):
                 check.named(files, rule, experiment)
             found[name] = experiment

@@ -12,7 +12,7 @@ from alignerf.io import progress
         ("train", {"training": "plain/round0"}, "plain: training"),
         ("render", {"training": "warped/round2"}, "warped, round 2: renders"),
         ("train", {"training": "pretrain/base"}, "pretrain base: training"),
-        ("decide", {"method": "m", "round": "1"}, "m, round 1: decision on another "),
+        ("export_folder", {"method": "m"}, "m: files for other programs"),
         ("evaluate", {"training": "a/round0", "moved": ""}, "a: scores"),
         (
             "evaluate",
@@ -52,7 +52,7 @@ def test_what_progress_writes_is_read_again(capsys):
     shown.advance(60, loss=0.5)
     line = capsys.readouterr().err.strip()
     found = progress.read(line)
-    assert (found.text, found.share) == ("step 80/100", 0.8)
+    assert found.text == "step 80/100"
     assert found.left_s >= 0
     assert progress.read("COLMAP: features: for 1:30").text.endswith("for 1:30")
     assert progress.read("error: 1/2 is wrong") is None
@@ -62,7 +62,7 @@ def test_the_last_line_of_a_log_tells_how_far_a_job_is(tmp_path):
     log = tmp_path / "a.log"
     assert report.last_shown([log]) is None
     log.write_text("begun\nviews: view 1/9    eta 0:40\rviews: view 3/9    eta 1:40\n")
-    assert report.last_shown([log]) == ("view 3/9", 3 / 9, 100)
+    assert report.last_shown([log]) == ("view 3/9", 100)
     with open(log, "a") as file:
         file.write("x" * 10_000 + "\nwritten\n")
     assert report.last_shown([log]) is None

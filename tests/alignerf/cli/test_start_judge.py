@@ -56,7 +56,7 @@ def test_the_config_can_be_run(here, runs, capsys):
     config = yaml.safe_load((here / "results/mine.yaml").read_text())
     assert config["scenes"]["mine"]["external_renders"]["splits"] == ["train", "test"]
     checked = check.checked(config)
-    experiment = plan.Experiment(checked, lambda **place: False)
+    experiment = plan.Experiment(checked)
     assert experiment.splits("mine", "theirs/round0") == ["train", "test"]
     wanted = targets.of_scene(experiment, "mine")
     assert not any("metrics" in path or "scores" in path for path in wanted)
@@ -90,7 +90,7 @@ def test_without_cameras_there_is_no_export(here, runs):
     judge.main([*options(name="mine")[:2], "--name=mine"])
     config = yaml.safe_load((here / "results/mine.yaml").read_text())
     assert "cameras" not in config["scenes"]["mine"]["external_renders"]
-    experiment = plan.Experiment(check.checked(config), lambda **place: False)
+    experiment = plan.Experiment(check.checked(config))
     assert targets.exports(experiment) == []
 
 

@@ -181,10 +181,6 @@ EXTERNAL = "config: methods.theirs.external"
             {"changes": "cameras"},
             "config: methods.theirs.changes: cameras need a round",
         ),
-        (
-            {"changes": "cameras_then_photos", "rounds": 1},
-            "config: methods.theirs.changes: cameras_then_photos needs a number",
-        ),
         ({"external": COMMANDS | {"gpu": -1}}, f"{EXTERNAL}.gpu: -1 should"),
     ],
 )

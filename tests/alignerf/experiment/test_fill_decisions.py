@@ -32,7 +32,7 @@ def write(path, found):
 
 def job_of(config, method="mipnerf360"):
     config = check.checked({"scenes": SCENE} | config)
-    return plan.Experiment(config, None).at("s", method, 0).job.text
+    return plan.Experiment(config).at("s", method, 0).job.text
 
 
 def test_without_decide_no_file_is_read(tmp_path, monkeypatch):
@@ -74,11 +74,10 @@ def test_a_scenes_own_length_stays(folder, length):
 def test_stages_and_lengths_keep_their_shares(folder):
     methods = {
         "mipnerf360": {"rounds": 1},
-        "warm": {"rounds": 1, "warm_start": {"from": "mipnerf360", "fraction": 0.5}},
         "alignerf": {"alignerf": {"finetune_fraction": 0.2}},
     }
     config = {"decide": True, "methods": methods, "vary": {"lengths": [0.5]}}
-    experiment = plan.Experiment(check.checked({"scenes": SCENE} | config), None)
+    experiment = plan.Experiment(check.checked({"scenes": SCENE} | config))
     folder.joinpath("results/s").rename(folder / "results/s_x0.5")
     found = {
         folder: decisions.read_job(training.job.text).steps
@@ -87,7 +86,6 @@ def test_stages_and_lengths_keep_their_shares(folder):
     assert found == {
         "mipnerf360/round0": 3000,
         "mipnerf360/round1": 3000,
-        "warm/round1": 1500,
         "pretrain/base": 1800,
         "alignerf/round0": 600,
     }

@@ -9,7 +9,7 @@ import pytest
 from alignerf.experiment import jobs
 from alignerf.training import compose
 
-STAGES = ("full", "warm", "pretrain", "finetune")
+STAGES = ("full", "pretrain", "finetune")
 GRID = {"kind": "grid", "levels": 2, "log2_hashmap_size": 8}
 JOB = {
     "seed": 0,
@@ -85,11 +85,11 @@ def test_a_job_is_what_was_written(job):
 def test_stages_share_the_steps_and_the_schedule(job):
     found = {stage: jobs.parse(in_stage(job, stage)) for stage in STAGES}
     steps = {stage: job.steps for stage, job in found.items()}
-    assert steps == {"full": 100, "warm": 100, "pretrain": 60, "finetune": 20}
+    assert steps == {"full": 100, "pretrain": 60, "finetune": 20}
     schedule = {stage: job.schedule_steps for stage, job in found.items()}
-    assert schedule == {"full": 100, "warm": 100, "pretrain": 100, "finetune": 20}
+    assert schedule == {"full": 100, "pretrain": 100, "finetune": 20}
     rays = {stage: job.rays_per_step for stage, job in found.items()}
-    assert rays == {"full": 64, "warm": 64, "pretrain": 64, "finetune": 2 * 16**2}
+    assert rays == {"full": 64, "pretrain": 64, "finetune": 2 * 16**2}
     job["training"]["steps"] = 1
     assert jobs.parse(job).steps == 1
 
@@ -115,7 +115,6 @@ def test_a_budget_becomes_the_steps_of_every_stage(timed):
         found[stage] = known.steps, known.schedule_steps, known.warmup_steps
     assert found == {
         "full": (2400, 2400, 240),
-        "warm": (2400, 2400, 240),
         "pretrain": (1440, 2400, 240),
         "finetune": (480, 480, 48),
     }
@@ -177,7 +176,7 @@ def change(job, where, value=None):
         ("model.proposal.levels", 0, "model.proposal.levels: 0 should be greater"),
         ("model", [1], r"config: model: \[1\] should be a mapping"),
         ("alignerf.frequency_weights", 3, "frequency_weights: 3 should be .* string"),
-        ("stage", "half", "config: stage: 'half' is none of .'full', 'warm'"),
+        ("stage", "half", "config: stage: 'half' is none of .'full', 'pretrain'"),
         (
             "alignerf.convolution",
             1,

@@ -12,33 +12,11 @@ from alignerf.experiment.steps import scenes
 from alignerf.experiment.tables import rows
 from tests import step_cases as cases
 
-WARM = {"from": "mipnerf360", "learning_rates": [0.005, 0.001]}
-AUTO = {"auto": {"model": "base", "rounds": "auto", "max_rounds": 3}}
-
-
-@pytest.mark.parametrize(
-    ("goes_on", "last"),
-    [([False], 0), ([True, True, False, True], 2), ([True] * 9, 3)],
-)
-def test_the_last_round_is_what_was_decided(demo, experiment_of, goes_on, last):
-    demo["methods"] = AUTO
-
-    def decided(*, scene, method, round):
-        assert (scene, method) == ("courtyard", "auto")
-        return goes_on[round]
-
-    experiment = experiment_of(demo, decided)
-    assert experiment.last_round("courtyard", "auto") == last
-    assert experiment.reference_round("courtyard") == last
-    rows_of = experiment.all_rounds("courtyard")
-    assert rows_of == [("auto", k) for k in range(last + 1)]
-
 
 def test_a_round_changes_photos_or_cameras(demo, experiment_of):
     demo["methods"] = {
         "warped": {"model": "base", "rounds": 2},
         "moved": {"model": "base", "rounds": 2, "changes": "cameras"},
-        "both": {"model": "base", "rounds": 3, "changes": "cameras_then_photos"},
     }
     experiment = experiment_of(demo)
     photos = "results/courtyard/images"
@@ -53,21 +31,18 @@ def test_a_round_changes_photos_or_cameras(demo, experiment_of):
     # What is the same is trained once, under the first one's name.
     assert experiment.all_rounds("courtyard") == [
         *(("warped", k) for k in range(3)),
-        *(("moved", 1), ("moved", 2), ("both", 3)),
+        *(("moved", 1), ("moved", 2)),
     ]
-    assert experiment.folder("courtyard", "both", 2) == "results/courtyard/moved/round2"
+    assert (
+        experiment.folder("courtyard", "moved", 0) == "results/courtyard/warped/round0"
+    )
     assert experiment.followed("courtyard") == {
-        *("warped/round0", "warped/round1", "moved/round1", "moved/round2"),
+        *("warped/round0", "warped/round1", "moved/round1"),
     }
     assert of("warped", 2) == ("cameras.npz", False, True, 0)
     assert of("moved", 0) == ("cameras.npz", True, False, 0)
     # They lie with the training whose flow has put them right.
     assert of("moved", 2) == ("moved/round1/corrected/cameras.npz", True, False, 2)
-    assert of("both", 1) == ("warped/round0/corrected/cameras.npz", True, False, 1)
-    # The last round warps photos onto what the cameras corrected have seen.
-    assert of("both", 3) == ("moved/round1/corrected/cameras.npz", False, True, 2)
-    found = experiment.at("courtyard", "both", 3)
-    assert found.photos == "results/courtyard/moved/round2/warped/train"
 
 
 def test_a_staged_training_may_put_cameras_right_between_its_stages(
@@ -104,24 +79,13 @@ def test_a_staged_training_may_put_cameras_right_between_its_stages(
     assert targets.exports(experiment) == ["results/courtyard/corrected/export/cameras"]
 
 
-def test_a_decision_is_read_from_its_file(tmp_path):
-    path = tmp_path / "decision.json"
-    for found in ("true", "false"):
-        path.write_text(f'{{"go_on": {found}}}')
-        assert plan.goes_on(path) == (found == "true")
-
-
-def test_staged_and_warm_methods_are_set_against_plain_ones(demo, experiment_of):
+def test_staged_methods_are_set_against_plain_ones(demo, experiment_of):
     demo["models"]["alone"] = demo["models"]["base"]
     staged = demo["methods"]["alignerf"]
     demo["methods"]["staged_alone"] = staged | {"model": "alone"}
-    warm = {"model": "base", "rounds": 1, "warm_start": WARM}
-    # Wherever it stands: what another starts from is no base of a staged method.
-    demo["methods"] = {"warm": warm} | demo["methods"]
     experiment = experiment_of(demo)
     found = {m: methods.of_method(one).key for m, one in experiment.methods.items()}
     assert found == {
-        "warm": "warm_start",
         "mipnerf360_large": None,
         "mipnerf360": None,
         "adjusted_poses": "adjust",
@@ -130,7 +94,6 @@ def test_staged_and_warm_methods_are_set_against_plain_ones(demo, experiment_of)
         "staged_alone": "alignerf",
     }
     assert {m: experiment.baseline(m) for m in experiment.methods} == {
-        "warm": "mipnerf360",
         "mipnerf360_large": "mipnerf360_large",
         "mipnerf360": "mipnerf360",
         "aligned": "mipnerf360",
@@ -138,11 +101,6 @@ def test_staged_and_warm_methods_are_set_against_plain_ones(demo, experiment_of)
         "alignerf": "mipnerf360",
         "staged_alone": "staged_alone",
     }
-    # Round 0 of a warm start is the other method's: nothing is trained twice.
-    folder = "results/courtyard"
-    assert experiment.folder("courtyard", "warm", 0) == f"{folder}/mipnerf360/round0"
-    assert experiment.folder("courtyard", "warm", "1") == f"{folder}/warm/round1"
-    assert ("warm", 0) not in experiment.all_rounds("courtyard")
     compared = [row.method for row in scenes.compared(experiment, "courtyard")]
     plain = ["mipnerf360", "mipnerf360, round 2", "staged_alone"]
     assert compared == [*plain, "alignerf", "adjusted_poses", "aligned"]
@@ -152,16 +110,16 @@ def test_training_views_are_followed_where_something_comes_from_them(
     demo, experiment_of
 ):
     demo["methods"] = {
-        "large": {"model": "large", "rounds": "auto", "max_rounds": 2},
+        "large": {"model": "large", "rounds": 2},
         "base": {"model": "base", "rounds": 0},
-        "warm": {"model": "base", "rounds": 2, "warm_start": WARM | {"from": "base"}},
+        "moved": {"model": "base", "rounds": 1, "changes": "cameras"},
         "fixed": {"model": "base", "alignerf": {"radius_px": 2}},
     }
     demo["reference"] = {"method": "large"}
     always = {"large/round0", "large/round1"}
     found = experiment_of(demo).followed("courtyard")
-    assert found == always | {"base/round0", "warm/round1"}
-    del demo["methods"]["warm"]
+    assert found == always | {"base/round0"}
+    del demo["methods"]["moved"]
     assert experiment_of(demo).followed("courtyard") == always
     # Where a method aligns itself, the verdict looks at the reference's.
     demo["methods"] = {"base": {"model": "base"}}
@@ -321,7 +279,7 @@ def test_the_cause_of_a_failure_is_its_jobs_last_error(tmp_path, monkeypatch):
 
 
 def test_what_is_asked_of_each_scene_is_found_once(demo, experiment_of):
-    demo["methods"]["warm"] = {"model": "base", "rounds": 1, "warm_start": WARM}
+    demo["methods"]["moved"] = {"model": "base", "rounds": 1, "changes": "cameras"}
 
     def found(count):
         (scene,) = demo["scenes"].values()

@@ -54,9 +54,6 @@ def test_remedies_are_every_methods_last_round_at_every_length(demo, experiment_
     with pytest.raises(ValueError, match=r"scenes.courtyard_x0.5: it is never trained"):
         scenes.remedies(experiment_of(demo))
     demo["vary"] = None
-    demo["methods"]["photos"]["rounds"] = "auto"
-    with pytest.raises(ValueError, match=r"methods.photos.rounds: .* not auto"):
-        scenes.remedies(experiment_of(demo))
     demo["methods"]["photos"] = {"model": "large"}
     with pytest.raises(ValueError, match="remedies needs one model for all"):
         scenes.remedies(experiment_of(demo))

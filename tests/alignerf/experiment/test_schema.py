@@ -122,7 +122,7 @@ def test_editors_take_every_config_of_ours(editors, root):
         {"models": {"m": {"spacing": "linear"}}},
         {"models": {"m": {"training": {"budget_min": 5}}}},
         {"methods": {"m": {"rounds": 17}}},
-        {"methods": {"m": {"warm_start": {}}}},
+        {"methods": {"m": {"aligned_loss": {"radius_px": 0}}}},
         {"training": {"learning_rates": [1]}},
     ],
     ids=str,

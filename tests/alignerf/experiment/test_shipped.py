@@ -17,7 +17,7 @@ SIZES = pytest.mark.parametrize("small", [True, False], ids=["small", "full"])
 def shipped_in(photos_of_tables):
     def make(small):
         given = shipped.configs({"small": small})
-        return shipped.experiments(given, (), None, [shipped.PAPER]).by_name
+        return shipped.experiments(given, (), [shipped.PAPER]).by_name
 
     return make
 
@@ -106,13 +106,13 @@ def test_a_config_that_cannot_run_stops_those_alone_that_ask_for_it(
     given = shipped.configs({})
 
     def of(*words):
-        return shipped.experiments(given, (), None, words).by_name
+        return shipped.experiments(given, (), words).by_name
 
     # In a job, which knows no words, too.
     for found in (
         of(),
         of("table1"),
-        shipped.experiments(given, (), None, None).by_name,
+        shipped.experiments(given, (), None).by_name,
     ):
         assert {"table1", "table4", "figures"} <= found.keys()
         assert not {"table2", "table3", "tradeoff"} & found.keys()

@@ -9,14 +9,11 @@ from alignerf.experiment import (
     check,
     jobs,
     plan,
-    trainings,
 )
 from alignerf.experiment.checks import scenes as of_scenes
 from alignerf.experiment.tables import rows, scenes
 from alignerf.methods import staged
 from tests import step_cases as cases
-
-WARM = {"from": "mipnerf360", "learning_rates": [0.005, 0.001]}
 
 
 def job_of(experiment, scene, method):
@@ -108,14 +105,13 @@ def test_a_scene_has_its_own_seed_and_steps(demo, experiment_of):
 
 
 def test_minutes_reach_the_jobs_instead_of_steps(demo, experiment_of):
-    """Of the config or of a scene, whose own word counts; a warm start has a share."""
+    """Of the config or of a scene, whose own word counts."""
     courtyard = demo["scenes"]["courtyard"]
     demo["scenes"] = {
         "minutes": courtyard | {"budget_min": 3},
         "steps": courtyard | {"steps": 70},
         "neither": courtyard,
     }
-    demo["methods"]["warm"] = {"model": "base", "rounds": 1, "warm_start": WARM}
     demo["training"] = {"budget_min": 2.0, "warmup_steps": 40}
     experiment = experiment_of(demo)
 
@@ -130,16 +126,14 @@ def test_minutes_reach_the_jobs_instead_of_steps(demo, experiment_of):
     assert of("minutes") == (None, 3.0, 40)
     assert of("neither") == of("neither", "alignerf") == (None, 2.0, 40)
     assert of("steps") == (70, None, 40)
-    assert of("minutes", "warm") == (None, pytest.approx(0.9), 12)
-    assert of("steps", "warm") == (21, None, 12)
     pretrained = staged.METHOD.pretraining(experiment, "minutes", "alignerf")
     assert length(pretrained)[1] == 3.0
     poses = [plan.scene_config(experiment, scene) for scene in experiment.scenes]
     assert len(set(poses)) == 1
     # As it stands beside the results, it means the same.
     alone = experiment_of(json.loads(plan.complete_config(experiment, "minutes")))
-    again = alone.at("minutes", "warm", 1)
-    assert again == experiment.at("minutes", "warm", 1)
+    again = alone.at("minutes", "mipnerf360", 1)
+    assert again == experiment.at("minutes", "mipnerf360", 1)
 
 
 def test_minutes_of_a_scene_replace_the_steps_of_the_config(demo, experiment_of):
@@ -177,30 +171,6 @@ def test_the_default_kind_of_pose_error_changes_no_job(demo, experiment_of):
     assert json.loads(told["translation"])["perturb_by"] == "translation"
     first, same, other = scenes.of_experiment(experiment)
     assert first.capture == same.capture != other.capture
-
-
-def test_a_warm_start_goes_on_from_the_round_before(demo, experiment_of):
-    demo["methods"]["warm"] = {"model": "base", "rounds": 2, "warm_start": WARM}
-    experiment = experiment_of(demo)
-    first, second = (experiment.at("courtyard", "warm", str(k)) for k in (1, 2))
-    assert first.job.stage == "warm"
-    found = jobs.parse(first.job.model_dump()).training
-    assert (found.steps, found.warmup_steps) == (600, 60)
-    assert found.learning_rates == [0.005, 0.001]
-    assert second.job == first.job
-    folder = "results/courtyard"
-    assert first.photos == f"{folder}/mipnerf360/round0/warped/train"
-    assert first.initial == f"{folder}/mipnerf360/round0/learnt/model.msgpack"
-    assert second.photos == f"{folder}/warm/round1/warped/train"
-    assert second.valid == f"{folder}/warm/round1/flow/train"
-    assert second.initial == f"{folder}/warm/round1/learnt/model.msgpack"
-    way = [one.folder for one in trainings.lead_to(first)]
-    assert way == ["mipnerf360/round0", "warm/round1"]
-    job = {"method": "warm", "round": "1"}
-    before = cases.options("decide", experiment, "courtyard", **job)
-    # The decision is the method's own, also where it starts from another's round.
-    assert before["before"] == f"{folder}/warm/round0/decision.json"
-    assert before["before-flow"] == f"{folder}/mipnerf360/round0/flow/train"
 
 
 def test_the_weights_of_lpips_reach_the_command(demo, tmp_path, experiment_of):

@@ -10,12 +10,10 @@ import pytest
 from alignerf.experiment import jobs, layout, plan, targets, trainings
 
 HERE = "results/courtyard"
-WARM = {"from": "plain", "learning_rates": [0.005, 0.001]}
 # Of each kind that trains.
 METHODS = {
     "plain": {"model": "base", "rounds": 2},
     "moved": {"model": "base", "rounds": 1, "changes": "cameras"},
-    "warm": {"model": "base", "rounds": 2, "warm_start": WARM},
     "learnt": {"model": "base", "pose_optimization": {}},
     "aligned": {"model": "base", "align": {}},
     "staged": {"model": "base", "alignerf": {}},
@@ -83,7 +81,6 @@ def test_equal_jobs_have_the_first_ones_name_whoever_is_asked_for(
         ("learnt", {"pose_optimization": {"learning_rates": [0.01, 0.001]}}),
         ("aligned", {"align": {"shrink": 2}}),
         ("staged", {"alignerf": {"radius_px": 3}}),
-        ("warm", {"warm_start": WARM | {"learning_rates": [0.01, 0.001]}}),
     ],
 )
 def test_unequal_jobs_are_not_shared(demo, experiment_of, name, change):
@@ -101,16 +98,6 @@ def test_equal_jobs_of_other_photos_are_not_shared(experiment):
     warped, moved = (experiment.at("courtyard", m, 1) for m in ("plain", "moved"))
     assert warped.job == moved.job
     assert warped.value != moved.value
-
-
-def test_a_warm_method_begins_with_anothers_training(experiment):
-    plain, warm = (experiment.rounds_of("courtyard", m) for m in ("plain", "warm"))
-    assert warm[0] is plain[0]
-    assert folders(warm) == ["plain/round0", "warm/round1", "warm/round2"]
-    assert [t.initial for t in warm] == [None, plain[0].model, warm[1].model]
-    # What it warps is what the other has rendered.
-    assert warm[1].photos == plain[1].photos
-    assert warm[1].after == (plain[0],)
 
 
 def test_the_way_to_a_training_is_in_its_order(experiment):
@@ -133,7 +120,7 @@ def test_none_of_a_scenes_trainings_stands_before_what_it_needs(experiment):
         assert experiment.training("courtyard", folder) is training
         known.append(training)
         assert {*trainings.needs(training)} <= {*known}
-    assert {"pretrain/base", "warm/round2"} <= {*folders(known)}
+    assert {"pretrain/base", "plain/round2"} <= {*folders(known)}
 
 
 def test_what_a_training_took_is_told_by_the_way_to_it(experiment):
@@ -163,7 +150,6 @@ def test_training_views_are_rendered_where_they_are_looked_at(demo, experiment_o
 
     both = ["train", "test"]
     assert splits("plain/round0") == splits("plain/round1") == both
-    assert splits("warm/round1") == both
     for folder in ("plain/round2", "moved/round1", "aligned/round0", "staged/round0"):
         assert splits(folder) == ["test"], folder
     # Of a pre-training, those that cameras are corrected by, and no test view.

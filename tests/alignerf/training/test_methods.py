@@ -134,28 +134,6 @@ def tuning():
     return cases.start(cases.alignerf())
 
 
-def test_annealing_is_for_a_start_from_scratch(views):
-    """Early on it changes the samples and so the loss; at the end it does nothing."""
-    losses = {}
-    for annealed in (True, False):
-        method = methods.mipnerf360(
-            cases.tiny_model(),
-            batch_rays=96,
-            loss_weights=cases.WEIGHTS,
-            annealed=annealed,
-        )
-        params = jax.jit(method.init)(jax.random.key(1))
-        batch = jax.jit(method.draw)(jax.random.key(2), 0, views)
-        terms_at = jax.jit(method.terms)
-        for share in (0.0, 1.0):
-            terms, _ = terms_at(params, batch, share)
-            losses[annealed, share] = float(sum(terms.values()))
-    assert losses[False, 0.0] == losses[False, 1.0]
-    # Two programs, so to rounding; annealed, it differs by far more.
-    assert losses[True, 1.0] == pytest.approx(losses[False, 1.0], rel=1e-5)
-    assert losses[True, 0.0] != pytest.approx(losses[True, 1.0], rel=1e-3)
-
-
 def test_a_share_of_the_rays_teaches_the_proposal(views):
     """Loss and field see all rays; the proposal's gradient is that of the first."""
     options = {"batch_rays": 96, "loss_weights": cases.WEIGHTS}

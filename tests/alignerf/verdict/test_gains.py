@@ -13,16 +13,11 @@ from alignerf.verdict import gains
 from tests import table_cases
 
 ONE = {"model": "base"}
-WARM = {"from": "plain", "learning_rates": [0.005, 0.001]}
-BOTH = {"rounds": 2, "changes": "cameras_then_photos"}
 EXTERNAL = {"external": {"train": "t {data} {model}", "render": "r {renders}"}}
 # Of each kind, and what it has changed after each round: c for cameras, p for photos.
 MOVES = {
     "plain": (ONE | {"rounds": 2}, ["", "p", "p"]),
     "moved": (ONE | {"rounds": 1, "changes": "cameras"}, ["", "c"]),
-    "both": (ONE | BOTH, ["", "c", "cp"]),
-    "auto": (ONE | {"rounds": "auto", "max_rounds": 3}, ["", "p", "p", "p"]),
-    "warm": (ONE | {"rounds": 1, "warm_start": WARM}, ["", "p"]),
     "staged": (ONE | {"alignerf": {}}, [""]),
     "between": (ONE | {"alignerf": {}, "changes": "cameras"}, ["c"]),
     "searched": (ONE | {"aligned_loss": {}}, [""]),
@@ -32,7 +27,7 @@ MOVES = {
     "still_photos": (ONE | {"align": {"photos_at": []}}, ["c"]),
     "corrected": (ONE | {"auto": True}, ["c"]),
     "still_cameras": (ONE | {"align": {"cameras_at": []}}, ["p"]),
-    "program": (EXTERNAL | BOTH, ["", "c", "cp"]),
+    "program": (EXTERNAL | {"rounds": 2, "changes": "cameras"}, ["", "c", "c"]),
     "given": ({}, [""]),
 }
 
