@@ -12,12 +12,10 @@ from alignerf.tables import controls, costs, frame, misalignment, ranking
 # {table: the functions that make it, and its LaTeX}.
 TABLES = {
     "misalignment": (misalignment.make_table, misalignment.to_latex),
-    "round_times": (costs.round_times, costs.round_times_to_latex),
     "controls": (controls.make_table, controls.to_latex),
     "displacement": (costs.displacement, costs.displacement_to_latex),
     "ranking": (ranking.make_table, ranking.to_latex),
 }
-FORMATS = {"round_times": "%.3f"}
 
 
 OPTIONS = {
@@ -50,7 +48,6 @@ def main(argv=None):
             tex=args.out / f"{name}.tex",
             frame=views,
             configs=args.configs,
-            float_format=FORMATS.get(name, "%.6g"),
         )
 
 

@@ -39,7 +39,6 @@ def row(db, method="plain", round=0, *, base=None, costs=COSTS, own=None, **fiel
     """
     made = scores(db)
     line = dict.fromkeys(columns.names("trainings"), np.nan) | TIMING | (own or {})
-    line |= {f"own_{name}": line[name] for name in ("train_time_s", "compile_time_s")}
     line |= dict.fromkeys(frame.COSTS, np.nan) | (costs and COSTS | costs)
     line |= {"scene": "yard", "method": method, "round": round, "description": method}
     line |= {"way": f"{method}/round{round}" if costs else np.nan, "published": None}
@@ -140,7 +139,7 @@ def put(path, content):
 def written(scene, db, method="plain", round=0, *, base=None, timing=(), **fields):
     """A training's `Row` of collect, in the scene's folder; all that it may have.
 
-    A round begins with the flow of the one before. base: another method.
+    base: another method.
     """
     folders = [f"{method}/round{number}" for number in range(round + 1)]
     path = Path(scene) / folders[-1]
@@ -148,18 +147,13 @@ def written(scene, db, method="plain", round=0, *, base=None, timing=(), **field
     views = long["view"].unique()
     parts = pd.DataFrame({"view": views}).assign(**dict.fromkeys(columns.PARTS, 0.25))
     train = "view,median_px,time_s\nt,1,0.25\nu,3,0.5\n"
-    benchmark = "s\th:m:s\tmax_rss\n{}\t0\t1.5\n"
     contents = {
         "scores": ("metrics.csv", long.drop(columns=[*columns.PARTS], errors="ignore")),
         "parts": ("decomposition_test.csv", parts),
         "timing": ("timing.json", TIMING | dict(timing)),
-        "process": ("logs/train.tsv", benchmark.format(28.0)),
+        "process": ("logs/train.tsv", "s\tmax_rss\n28.0\t1.5\n"),
         "render": ("render/train.json", {"views": 4, "view_time_s": 0.5, "time_s": 3}),
         "align": ("displacement/train.csv", train),
-        "render_test": ("render/test.json", {"views": 3, "view_time_s": 0.5}),
-        "align_test": ("displacement/test.csv", "view,time_s\nv0,0.125\n"),
-        "render_process": ("logs/render.tsv", benchmark.format(6.0)),
-        "align_process": ("logs/align.tsv", benchmark.format(2.0)),
         "corrections": ("corrected/poses_corrected.json", {"time_s": 1.5}),
         "displacement": ("displacement/train.csv", train),
     }
@@ -171,7 +165,6 @@ def written(scene, db, method="plain", round=0, *, base=None, timing=(), **field
         description="grid 2^15",
         baseline=base or method,
         base=f"{base or method}/round0",
-        before=folders[-2] if round else None,
     )
     return made._replace(**fields)
 

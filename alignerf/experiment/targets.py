@@ -21,7 +21,7 @@ from alignerf.io import (
 
 # Of the config that runs, beside what the paper prints.
 COMPARISON = f"{layout.RESULTS}/comparison.csv"
-TABLES = ("misalignment", "round_times", "controls", "displacement")
+TABLES = ("misalignment", "controls", "displacement")
 FIGURES = ("flow", "rounds", "views", "lengths", "curves", "crops")
 
 

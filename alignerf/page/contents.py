@@ -19,7 +19,7 @@ from alignerf.scenes.external import geometry
 from alignerf.tables import columns, scores
 
 # What of tables/ it shows; headings and formats are the columns' own.
-TABLES = ("views", "misalignment", "displacement", "round_times")
+TABLES = ("views", "misalignment", "displacement")
 # What a visitor may take home, with what it is; only what is there is shown.
 DOWNLOADS = {
     "verdict.json": "the verdict, in numbers",

@@ -11,13 +11,9 @@ scores, aligned_pose     scores by view and test set; those by moved cameras
 parts                    the flow's parts by view, of `flow.decompose`
 timing, process          what the training was and took; Snakemake's measurement of it
 render, align            the rendering of the training views, and their flow
-render_test, align_test  the same of the test views
-render_process, ...      Snakemake's measurement of both
 corrections              what putting the cameras right took
 displacement             the flow by view, of training views where there is such
 """
-
-import math
 
 import pandas as pd
 
@@ -98,11 +94,10 @@ def line_of(row):
         line |= {name: timing[name] for name in TRAINED}
         line |= provenance.of_training(files["timing"])
     if "process" in files:
-        process = read_process(files["process"])
-        line["memory_mib"] = process["max_rss"]
-        work_s = line["train_time_s"] + line["compile_time_s"]
-        line["train_rest_time_s"] = rest_s(process["s"], work_s)
-    line |= of_renders(files)
+        line["memory_mib"] = memory_mib(files["process"])
+    if "render" in files:
+        line["render_time_s"] = rendering_s(files["render"])
+        line["align_time_s"] = flow_s(files.get("align"))
     if "corrections" in files:
         seconds = {"time_s": json_files.NUMBER}
         line["correct_time_s"] = json_files.read(files["corrections"], seconds)[
@@ -114,41 +109,10 @@ def line_of(row):
     return line
 
 
-def of_renders(files):
-    """Seconds of rendering and flow; of the rest what their processes took besides."""
-    line = {}
-    if "render" in files:
-        line["render_time_s"] = rendering_s(read_rendering(files["render"]))
-        line["align_time_s"] = flow_s(files.get("align"))
-    if "render_test" in files:
-        of_test = read_rendering(files["render_test"])
-        line["view_time_s"] = of_test["view_time_s"]
-    if "render_process" in files:
-        work_s = line["render_time_s"] + rendering_s(of_test)
-        process_s = read_process(files["render_process"])["s"]
-        line["render_rest_time_s"] = rest_s(process_s, work_s)
-        work_s = line["align_time_s"] + flow_s(files.get("align_test"))
-        process_s = read_process(files.get("align_process"))["s"]
-        line["align_rest_time_s"] = rest_s(process_s, work_s)
-    return line
-
-
-def rest_s(process_s, work_s):
-    """What a process took besides its work.
-
-    One that went on where another was stopped knows only its own seconds.
-    """
-    return max(process_s - work_s, 0.0) if not math.isnan(work_s) else math.nan
-
-
-def read_rendering(path):
-    """Views that were rendered, and seconds a view."""
-    kinds = dict.fromkeys(("views", "view_time_s"), json_files.NUMBER)
-    return json_files.read(path, kinds)
-
-
-def rendering_s(rendering):
+def rendering_s(path):
     """Seconds of all views: loading and compiling count no more than a training's."""
+    kinds = dict.fromkeys(("views", "view_time_s"), json_files.NUMBER)
+    rendering = json_files.read(path, kinds)
     return rendering["views"] * rendering["view_time_s"]
 
 
@@ -157,11 +121,10 @@ def flow_s(path):
     return float(csv_files.read(path, columns=["time_s"])["time_s"].sum(skipna=False))
 
 
-def read_process(path):
-    """Seconds, and memory in MiB (NaN: not known), of Snakemake's benchmark."""
-    table = csv_files.read(path, sep="\t", columns=("s", "max_rss"))
-    numbers = table[["s", "max_rss"]].apply(pd.to_numeric, errors="coerce")
-    return numbers.iloc[0].to_dict()
+def memory_mib(path):
+    """Memory in MiB of Snakemake's benchmark; NaN: not known."""
+    table = csv_files.read(path, sep="\t", columns=["max_rss"])
+    return pd.to_numeric(table["max_rss"], errors="coerce").iloc[0]
 
 
 if __name__ == "__main__":

@@ -1,13 +1,7 @@
-"""How misaligned renders are, where a round's time goes, and what time brings.
+"""How misaligned renders are, and what time brings.
 
 `tables/displacement.csv` has a row per method and round: means over the test views of
 the flow from render to photo and of its parts, as `flow.decompose` measured them.
-
-`tables/round_times.csv` has the seconds of each round. A round renders the training
-views of the one before, aligns the photos with them, and trains; round 0 only trains.
-Each of the three is a process; what it spends besides its own work (start, import,
-loading, compiling, writing) is told apart. What it did for the test views is no part of
-a round.
 """
 
 import numpy as np
@@ -16,16 +10,6 @@ import pandas as pd
 from alignerf import testsets
 from alignerf.tables import columns, frame, latex, scores
 
-# Column -> heading of the LaTeX table, in seconds; and where the frame has it.
-TIMES = {
-    "train_time_s": ("training", "own_train_time_s"),
-    "train_compile_time_s": ("its compiling", "own_compile_time_s"),
-    "train_rest_time_s": ("its rest", "train_rest_time_s"),
-    "render_time_s": ("rendering", "before_render_time_s"),
-    "render_rest_time_s": ("rest of rendering", "before_render_rest_time_s"),
-    "align_time_s": ("flow, warps", "before_align_time_s"),
-    "align_rest_time_s": ("rest of flow", "before_align_rest_time_s"),
-}
 # Cameras that are moved to fit a photo are scored by PSNR alone; other metrics are of
 # this test set.
 PERCEPTUAL = "warped"
@@ -37,30 +21,6 @@ def trained(views):
     for _, own in frame.rows_of(views):
         if pd.notna(own.iloc[0]["way"]):
             yield own.iloc[0][frame.ROW].to_dict(), own
-
-
-def round_times(views):
-    """A line per row that was trained."""
-    lines = []
-    for labels, own in trained(views):
-        first = own.iloc[0]
-        # Round 0 has no round before it.
-        has = len(TIMES) if pd.notna(first["before"]) else 3
-        line = {key: first[name] for key, (_, name) in list(TIMES.items())[:has]}
-        lines.append(labels | line | {"total_time_s": sum(line.values())})
-    return pd.DataFrame(lines, columns=columns.names("round_times"))
-
-
-def round_times_to_latex(table):
-    """Seconds, a row per method and round."""
-    fixed = [(key, heading, ".1f") for key, (heading, _) in TIMES.items()]
-    return latex.of_lines(
-        table,
-        {"Method": list(map(latex.name, table["method"])), "Round": table["round"]},
-        [],
-        fixed=[*fixed, ("total_time_s", "all", ".1f")],
-        notes=["Seconds of each round, by its parts."],
-    )
 
 
 def displacement(views):

@@ -8,8 +8,6 @@ psnr_db, ...; flow_median_px, ...        its scores, and lengths of its flow
 base_db                                  PSNR of the view by the baseline's round 0
 train_time_s, data_time_s, total_time_s, steps, rays_seen
                                          of all trainings that lead to the row
-own_train_time_s, ...                    of the row's own training
-before_render_time_s, ...                of the round before
 trainings                                path and `provenance.KEYS` of each training
 
 and all others of trainings.csv. Tables across scenes add the fields of `Scene`, the
@@ -34,8 +32,6 @@ VIEW = ["scene", "test_set", "view"]
 # Summed over all trainings that lead to a row.
 SUMMED = ["train_time_s", "steps", "rays_seen"]
 COSTS = [*SUMMED, "data_time_s", "total_time_s", "params"]
-# Of the round before, whose views a round begins with.
-BEFORE = ["render_time_s", "render_rest_time_s", "align_time_s", "align_rest_time_s"]
 
 
 def read(scene, table=""):
@@ -60,10 +56,6 @@ def row_of(line, trainings, views, scene):
     key, base_key = ((one["method"], int(one["round"])) for one in (line, base))
     own, base_db = views[key], views[base_key]["psnr_db"]
     of_row = line.to_dict() | {"scene": scene.name, "round": key[1]}
-    of_row |= {f"own_{name}": line[name] for name in ("train_time_s", "compile_time_s")}
-    if pd.notna(line["before"]):
-        before = trainings.loc[line["before"]]
-        of_row |= {f"before_{name}": before[name] for name in BEFORE}
     of_row |= costs_of(trainings, line)
     told = [
         {"path": str(scene / folder / "timing.json")}
@@ -202,7 +194,7 @@ def read_scenes(args, table):
     return pd.concat(frames, ignore_index=True)
 
 
-def write(table, to_latex, *, csv, tex, frame, configs, float_format="%.6g"):
+def write(table, to_latex, *, csv, tex, frame, configs):
     """Write a table as CSV and as to_latex has it, and its provenance; all or none.
 
     frame: that it was made of. configs: the scenes' complete configs.
@@ -217,7 +209,7 @@ def write(table, to_latex, *, csv, tex, frame, configs, float_format="%.6g"):
             stack.enter_context(atomic.replace_file(path))
             for path in (csv, tex, beside)
         )
-        table.to_csv(csv, index=False, float_format=float_format)
+        table.to_csv(csv, index=False, float_format="%.6g")
         tex.write_text(text)
         origin.write_text(provenance.as_json(found))
 

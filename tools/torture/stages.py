@@ -29,7 +29,7 @@ ROWS = ("scores.csv", "trainings.csv")
 NOT_READ = ("checkpoints", "logs")
 # What holds a time as its content, besides keys and columns that end in _s.
 TIMED = (".html", ".log", ".tsv", ".provenance.json", "preflight.json", "timing.json")
-TIMED += ("round_times.csv", "round_times.tex", "misalignment.tex")
+TIMED += ("misalignment.tex",)
 
 
 class Stage(NamedTuple):

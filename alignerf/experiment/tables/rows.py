@@ -18,9 +18,8 @@ class Row(NamedTuple):
     baseline, base: the method whose round 0 it is set against, and that one's folder.
     published: what papers call the method. way: the folders of all trainings that lead
     to it, its own last. flows: those of them whose training views were rendered and
-    aligned. corrected: those whose cameras were then corrected. before: the folder
-    whose flow a round begins with. files: {what it tells: path}, see
-    `alignerf.tables.collect`.
+    aligned. corrected: those whose cameras were then corrected. files: {what it
+    tells: path}, see `alignerf.tables.collect`.
     """
 
     folder: str
@@ -34,7 +33,6 @@ class Row(NamedTuple):
     baseline: str | None = None
     base: str | None = None
     published: str | None = None
-    before: str | None = None
     moves_cameras: bool = False
     moves_photos: bool = False
 
@@ -70,16 +68,10 @@ def shown_in(rows):
 def of_scene(experiment, scene):
     """All that is scored in a scene, and what leads there, with all that is known."""
     rows = collected(experiment, scene, experiment.scored(scene), aligned_pose=True)
-    begun_with = {row.before for row in rows}
     for row in rows:
-        at = layout.training(scene, row.folder)
         if row.method and row.way:
+            at = layout.training(scene, row.folder)
             row.files["parts"] = at.decomposition("test")
-        if row.folder in begun_with:
-            row.files["render_process"] = at.benchmark("render")
-            row.files["align_process"] = at.benchmark("align")
-            row.files["render_test"] = at.rendered("test")
-            row.files["align_test"] = at.lengths("test")
     return rows
 
 
@@ -141,7 +133,6 @@ def scored(experiment, scene, method, round, aligned_pose):
         way=[one.folder for one in trainings.lead_to(training)],
         flows=[one.folder for one in trainings.rendered_for(training)],
         corrected=corrected,
-        before=training.flows[-1].folder if round > 0 else None,
         files=files,
     )
 

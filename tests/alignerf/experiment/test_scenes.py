@@ -59,21 +59,6 @@ def test_remedies_are_every_methods_last_round_at_every_length(demo, experiment_
         scenes.remedies(experiment_of(demo))
 
 
-def test_a_round_begins_with_the_flow_of_the_one_before(demo, experiment_of):
-    """Its rendering and flow are told by the processes too; of others not."""
-    experiment = experiment_of(demo)
-    every = {row.folder: row for row in scenes.rows_of(experiment, "courtyard", "")}
-    rounds = [every[f"mipnerf360/round{number}"] for number in range(3)]
-    assert [row.before for row in rounds] == [None, *(r.folder for r in rounds[:2])]
-    processes = {"render_process", "align_process", "render_test", "align_test"}
-    assert [processes <= row.files.keys() for row in rounds] == [True, True, False]
-    assert all("parts" in row.files for row in rounds)
-    assert every["pretrain/base"].files.keys() == {"timing", "process"}
-    # Across scenes less is needed.
-    for row in scenes.rows_of(experiment, "courtyard", "comparison/"):
-        assert not row.files.keys() & {"parts", *processes}
-
-
 @pytest.mark.parametrize("table", ["remedies", "comparison", "tradeoff", "table2"])
 def test_a_table_across_scenes_waits_for_their_rows(demo, experiment_of, table):
     demo["methods"]["mipnerf360_large"]["model"] = "base"

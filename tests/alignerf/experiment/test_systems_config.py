@@ -136,7 +136,7 @@ def test_given_renders_are_scored_and_no_more(with_renders, experiment_of, tmp_p
     assert found["renders"] == f"{tmp_path}/courtyard"
     for table in ("", "comparison/"):
         *others, row = scenes.rows_of(experiment, "courtyard", table)
-        assert (row.method, row.way, row.flows, row.before) == ("given", [], [], None)
+        assert (row.method, row.way, row.flows) == ("given", [], [])
         assert row.base == "mipnerf360_large/round0"
         assert row.files == {"scores": "results/courtyard/given/round0/metrics.csv"}
         assert "given" not in {other.method for other in others}

@@ -39,8 +39,8 @@ def test_what_is_written_is_read_to_the_last_bit(scene, rng):
     assert (read["method"], read["round"], read["published"]) == (method, 0, "NA")
     assert views["view"].tolist() == names
     assert views["psnr_db"].tolist() == psnr_db.tolist()
-    assert read["own_train_time_s"] == timing["train_time_s"]
-    assert read["own_compile_time_s"] == timing["compile_time_s"]
+    assert read["train_time_s"] == timing["train_time_s"]
+    assert read["compile_time_s"] == timing["compile_time_s"]
     told = {"commit": None, "lock": "0012345678901234", "device": "cpu"}
     told["environment"] = None
     path = str(scene / "1/round0/timing.json")
@@ -69,15 +69,10 @@ def test_seconds_are_told_apart_and_whole_numbers_stay_whole(scene):
     lines = lines_of(scene, [row, given])
     line = lines.loc["plain/round0"]
     seconds = {
-        "train_rest_time_s": 28 - 25,
         # Of the views: loading and compiling count no more than a training's.
         "render_time_s": 4 * 0.5,
-        # All but the seconds of the test views, which the same processes took.
-        "render_rest_time_s": 6 - 2 - 3 * 0.5,
         "align_time_s": 0.75,
-        "align_rest_time_s": 2 - 0.75 - 0.125,
         "correct_time_s": 1.5,
-        "view_time_s": 0.5,
         "memory_mib": 1.5,
         "flow_px": 2.0,
     }
@@ -86,20 +81,13 @@ def test_seconds_are_told_apart_and_whole_numbers_stay_whole(scene):
     assert ",5,50,7,20.0,5.0," in (scene / "trainings.csv").read_text()
 
 
-def test_a_training_that_went_on_has_no_negative_rest(scene):
-    """The process knows its own seconds, timing.json those of all before it too."""
-    row = table_cases.written(scene, DB, timing={"train_time_s": 2000.0})
-    assert lines_of(scene, [row])["train_rest_time_s"].tolist() == [0.0]
-
-
 def test_a_view_without_a_number_leaves_its_sums_empty(scene):
     row = table_cases.written(scene, DB)
     text = "view,median_px,time_s\nt,,0.25\nu,3,\n"
     table_cases.put(scene / "plain/round0/displacement/train.csv", text)
     line = lines_of(scene, [row]).loc["plain/round0"]
-    empty = ["align_time_s", "align_rest_time_s", "flow_px"]
+    empty = ["align_time_s", "flow_px"]
     assert line[empty].isna().all()
-    assert line["render_rest_time_s"] == 2.5
 
 
 def test_a_training_in_loop_has_a_line_and_no_scores(scene):
@@ -138,10 +126,8 @@ NO_TABLE = "not the table that it should be"
         ("timing", '{"steps": 3}', "not the JSON that it should be"),
         ("process", "h:m:s\n0:00:01\n", f"{NO_TABLE}: no column"),
         ("render", "{}", "not the JSON that it should be"),
-        ("render_test", "3", "not the JSON that it should be"),
         ("align", "view,time_s\n", f"{NO_TABLE}: no row"),
-        ("align_test", "view\na\n", f"{NO_TABLE}: no column time_s"),
-        ("render_process", "", f"{NO_TABLE}: no row"),
+        ("align", "view\na\n", f"{NO_TABLE}: no column time_s"),
         ("corrections", "{}", "not the JSON that it should be"),
         ("displacement", "view,time_s\na,1\n", f"{NO_TABLE}: no column median_px"),
     ],
@@ -169,10 +155,9 @@ def test_a_file_that_is_not_there_is_named(scene):
         files = row.files | {name: f"{path}.none"}
         with pytest.raises((ValueError, OSError), match=r"\.none"):
             table_cases.collect(scene, [row._replace(files=files)])
-    for name in ("align", "align_test", "align_process"):
-        files = {key: path for key, path in row.files.items() if key != name}
-        with pytest.raises(ValueError, match="no table is given"):
-            table_cases.collect(scene, [row._replace(files=files)])
+    files = {key: path for key, path in row.files.items() if key != "align"}
+    with pytest.raises(ValueError, match="no table is given"):
+        table_cases.collect(scene, [row._replace(files=files)])
     assert not list(scene.glob("*.csv"))
 
 
@@ -194,7 +179,6 @@ def test_both_are_written_or_none(scene, monkeypatch):
 def test_the_benchmark_of_a_run_too_short_to_measure_is_empty(tmp_path):
     path = tmp_path / "train.tsv"
     path.write_text("s\th:m:s\tmax_rss\n0.1\t0:00:00\t-\n")
-    process = collect.read_process(path)
-    assert (process["s"], np.isnan(process["max_rss"])) == (0.1, True)
+    assert np.isnan(collect.memory_mib(path))
     wanted = ["method", "round", "test_set", "view", "metric", "value"]
     assert columns.names("scores") == wanted

@@ -1,4 +1,4 @@
-"""Displacements and the seconds of rounds: means that are empty, parts that add up."""
+"""Displacements: means that are empty."""
 
 import numpy as np
 import pytest
@@ -54,46 +54,3 @@ def test_a_part_that_no_row_has_is_left_out():
     )
     assert "model" in tex
     assert tex.count("--") == len(lengths)
-
-
-DB = {"standard": [20.0, 22.0]}
-TIMES = [*costs.TIMES, "total_time_s"]
-
-
-def rounds(rest=3.0, **before):
-    """Two rounds: of the first only the training counts."""
-    own = {"train_rest_time_s": rest}
-    data = {"render_time_s": 2.0, "render_rest_time_s": 2.5}
-    data |= {"align_time_s": 0.75, "align_rest_time_s": 1.125}
-    line = {f"before_{name}": value for name, value in (data | before).items()}
-    first = table_cases.row(DB, "a_b", own=own | data)
-    own |= {"before": "a_b/round0"}
-    return [first, table_cases.row(DB, "a_b", 1, own=own, **line)]
-
-
-def test_parts_add_up():
-    given = table_cases.row(DB, "given", costs={})
-    table = made(costs.round_times, [*rounds(), given])
-    assert table["round"].tolist() == [0, 1]
-    assert table["total_time_s"].tolist() == [28.0, 34.375]
-    assert table[TIMES[:-1]].sum(axis=1).tolist() == [28.0, 34.375]
-    assert table[TIMES].iloc[1].tolist()[:-1] == [20, 5, 3, 2, 2.5, 0.75, 1.125]
-    assert table[TIMES].iloc[0].isna().tolist() == [False] * 3 + [True] * 4 + [False]
-    tex = costs.round_times_to_latex(table)
-    assert r"a\_b & 0 & 20.0 & 5.0 & 3.0 & -- & -- & -- & -- & 28.0 \\" in tex
-
-
-def test_a_view_without_seconds_leaves_the_round_s_empty():
-    parts = {"align_time_s": np.nan, "align_rest_time_s": np.nan}
-    table = made(costs.round_times, rounds(**parts)[1:])
-    empty = [*parts, "total_time_s"]
-    assert list(table.columns[table.isna().any()]) == empty
-    assert costs.round_times_to_latex(table).count("--") == len(empty)
-
-
-def test_of_a_folder_of_files(tmp_path):
-    """By way of the files: test views are no part of a round."""
-    scene = tmp_path / "yard"
-    files = [table_cases.written(scene, DB, round=k) for k in (0, 1)]
-    table = costs.round_times(table_cases.collect(scene, files))
-    assert table["total_time_s"].tolist() == [28.0, 34.375]

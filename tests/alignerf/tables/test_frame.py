@@ -28,14 +28,12 @@ def scene(tmp_path):
         flows=first.way,
         corrected=first.way,
         timing={"params": 9},
-        before="plain/round0",
         published="NeRF",
     )
     given = second._replace(
         folder="given/round0",
         method="given",
         round=0,
-        before=None,
         way=[],
         flows=[],
         files={"scores": first.files["scores"]},
@@ -104,9 +102,6 @@ def test_a_row_knows_what_it_is_set_against_and_what_comes_before(scene):
     for test_set, db in DB.items():
         assert own[own["test_set"] == test_set]["base_db"].tolist() == db
     assert (warm["baseline"], warm["published"]) == ("plain", "NeRF")
-    assert warm["before"] == rows["plain", 1]["before"] == "plain/round0"
-    assert warm["before_render_time_s"] == 2.0
-    assert pd.isna(first["before"])
     assert pd.isna(first["published"])
     assert [one["path"] for one in warm["trainings"]] == [
         str(scene / name / "timing.json") for name in ("plain/round0", "warm/round1")
