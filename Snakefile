@@ -12,7 +12,6 @@
 #   snakemake --cores N preview            print what it will cost, before any training
 #   snakemake --cores N export             write cameras and photos for other programs
 #   snakemake --cores N comparison         compare all methods
-#   snakemake --cores N remedies           compare all fixes at equal training time
 #   snakemake --cores N download_360_v2    download the paper's scenes (17 GB)
 # All targets: snakemake --list-target-rules. All rules: snakemake --list.
 # Another config, after the target, since --configfile takes all words that follow:

@@ -75,7 +75,7 @@ def made(function, rows, *more):
 
 def scene_like(name, **fields):
     """The `Scene` of a scene; fields: what it is like."""
-    alike = {"like": name, "alike": name, "capture": name, "reference": "plain"}
+    alike = {"like": name, "alike": name, "reference": "plain"}
     like = {"seed": 0, "perturb_px": 0, "motion_m": None, "steps": 100, "share": 1}
     return table_scenes.Scene(**{"scene": name, **alike, **like, **fields})
 
@@ -155,7 +155,6 @@ def written(scene, db, method="plain", round=0, *, base=None, timing=(), **field
         "render": ("render/train.json", {"views": 4, "view_time_s": 0.5, "time_s": 3}),
         "align": ("displacement/train.csv", train),
         "corrections": ("corrected/poses_corrected.json", {"time_s": 1.5}),
-        "displacement": ("displacement/train.csv", train),
     }
     made = table_rows.Row(
         *(folders[-1], folders, folders[:-1], []),

@@ -15,7 +15,7 @@ from alignerf.experiment.tables import shipped
 from alignerf.io import faults, owned
 
 # Tables across scenes, and jobs by their logs.
-ACROSS = (*shipped.NAMES, "arm", "comparison", "remedies", "flow_benchmark")
+ACROSS = (*shipped.NAMES, "arm", "comparison", "flow_benchmark")
 JOBS = (
     *("poses", "facts", "config", "preflight", "train", "render", "align", "overfit"),
     *("correct_poses", "align_test_poses", "control_sets", "draw", "verdict"),

@@ -68,7 +68,7 @@ class Scene(Folder):
         return super().__new__(cls, f"{RESULTS}/{name}")
 
     def scores(self, table=""):
-        """Scores of the scene's tables, or of a table across scenes (`remedies/`)."""
+        """Scores of the scene's tables, or of a table across scenes (`comparison/`)."""
         return f"{self}/{table}scores.csv"
 
     def trainings(self, table=""):

@@ -12,7 +12,6 @@ parts                    the flow's parts by view, of `flow.decompose`
 timing, process          what the training was and took; Snakemake's measurement of it
 render, align            the rendering of the training views, and their flow
 corrections              what putting the cameras right took
-displacement             the flow by view, of training views where there is such
 """
 
 import pandas as pd
@@ -103,9 +102,6 @@ def line_of(row):
         line["correct_time_s"] = json_files.read(files["corrections"], seconds)[
             "time_s"
         ]
-    if "displacement" in files:
-        views = csv_files.read(files["displacement"], columns=["median_px"])
-        line["flow_px"] = views["median_px"].median(skipna=False)
     return line
 
 

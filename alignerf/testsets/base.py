@@ -5,7 +5,7 @@ from collections.abc import Callable
 from typing import NamedTuple
 
 NEEDS = ("", "testset", "truth", "moving")
-TABLES = {"misalignment", "comparison", "remedies", "ranking", "controls"}
+TABLES = {"misalignment", "comparison", "ranking", "controls"}
 # Tables of how good a method is.
 QUALITY = ("misalignment", "comparison")
 

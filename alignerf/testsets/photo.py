@@ -9,7 +9,7 @@ TEST_SETS = [
         meaning="the held-out photo as it is",
         needs="",
         make=photo,
-        tables=(*QUALITY, "remedies", "ranking", "controls"),
+        tables=(*QUALITY, "ranking", "controls"),
         order=0,
         score=Quantity("standard", 0),
         # Moved cameras see a test view elsewhere than its given camera.

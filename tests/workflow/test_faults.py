@@ -56,10 +56,12 @@ def test_a_key_that_stands_twice_is_named(tmp_path, demo, dry_run):
 
 
 def test_a_target_that_the_config_has_not_is_named(tmp_path, demo, dry_run):
+    demo["scenes"]["courtyard"]["budget_min"] = 3
     options = (tmp_path, "--configfile", write(tmp_path, demo), "-n")
-    code, output = dry_run(*options, "remedies")
+    code, output = dry_run(*options, "comparison")
     assert code == 1
-    assert output.splitlines()[-1].startswith("error: config: methods: target remedies")
+    said = "error: config: scenes.courtyard: training has steps, the scene not"
+    assert output.splitlines()[-1] == said
 
 
 def test_a_typo_among_targets_names_the_scenes(tmp_path, dry_run):

@@ -19,7 +19,7 @@ import pandas as pd
 
 from alignerf.io import faults
 from alignerf.tables import frame, scores
-from alignerf.tables.across import remedies
+from tools.bench import equal_time
 
 TABLE = "comparison"
 NAME = re.compile(r"(?P<scene>.+?)(_seed(?P<seed>\d+))?(_x(?P<share>[\d.]+))?")
@@ -172,7 +172,7 @@ def at_equal_time(mine, base, truth):
     gains = []
     for seed, own in mine.groupby("seed"):
         theirs = base[base["seed"] == seed]
-        at = remedies.at_time(theirs, own["total_time_s"].iloc[0], truth)
+        at = equal_time.at_time(theirs, own["total_time_s"].iloc[0], truth)
         own = own[own["test_set"] == truth].set_index("view")["psnr_db"].sort_index()
         if len(at) == len(own) and not np.isnan(at).any():
             gains.append(own.to_numpy() - at)

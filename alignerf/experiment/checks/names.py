@@ -10,7 +10,6 @@ from alignerf.experiment.tables import rows
 SUFFIXES = (".csv", ".tex", ".png", ".provenance.json")
 ACROSS = (
     "tradeoff",
-    "remedies",
     "comparison",
     "arm",
     *(f"table{n}" for n in range(1, 5)),
@@ -24,7 +23,7 @@ FOLDERS = {
     *("images", "truth", "pretrain", "testset", "tables", "figures", "logs"),
     *("facts", "decisions", "poses", "cameras", "config", "preflight"),
     *("masks", "colmap", "points", "bounds", "verdict", "index", "adjusted"),
-    *("remedies", "comparison", "arm", "scores", "trainings"),
+    *("comparison", "arm", "scores", "trainings"),
 }
 
 # The end of a name that Snakemake takes for a loop among rules.

@@ -16,18 +16,16 @@ class Scene(NamedTuple):
     """A scene's settings, and the keys by which tables pool scenes.
 
     Keys are digests of the settings, equal for scenes that are pooled. like: without
-    the seed. alike: without seed and length of training. capture: without seed, length
-    and the photos' size. motion_m: None where the truth is not known. steps: None where
-    the length is in minutes. share: the length over that of the config's training; None
-    where one is in steps, the other in minutes. reference: the method that the training
-    of the reference's round 0 is named after.
+    the seed. alike: without seed and length of training. motion_m: None where the truth
+    is not known. steps: None where the length is in minutes. share: the length over
+    that of the config's training; None where one is in steps, the other in minutes.
+    reference: the method that the training of the reference's round 0 is named after.
     """
 
     scene: str
     seed: int
     like: str
     alike: str
-    capture: str
     perturb_px: int | float
     motion_m: int | float | None
     steps: int | None
@@ -35,9 +33,8 @@ class Scene(NamedTuple):
     reference: str
 
 
-# Settings that `Scene.alike` leaves out, and those that `Scene.capture` leaves out.
+# Settings that `Scene.alike` leaves out.
 LENGTH = ("seed", "steps", "budget_min")
-SIZE = (*LENGTH, "downscale", "images")
 
 
 def of_experiment(experiment, names=None):
@@ -58,7 +55,6 @@ def of_scene(experiment, name):
         seed=scene["seed"],
         like=without(scene, "seed"),
         alike=without(scene, *LENGTH),
-        capture=capture_of(scene),
         perturb_px=scene["perturb_px"],
         motion_m=motion_m,
         steps=scene["steps"],
@@ -76,18 +72,6 @@ def without(scene, *keys):
         {key: scene[key] for key in scene if key not in keys}
     )
     return hashlib.sha256(settings.encode()).hexdigest()[:16]
-
-
-def capture_of(scene):
-    """A key, equal for scenes of the same photos at different sizes.
-
-    The pose error `perturb_px` is in pixels of the training size. The key has it in
-    pixels of the full size, where an equal angle or length is an equal number.
-    """
-    if scene["downscale"] != "auto":
-        scaled = {"perturb_px": scene["perturb_px"] * scene["downscale"]}
-        scene = scene | scaled
-    return without(scene, *SIZE)
 
 
 def compared(experiment, names=None):
@@ -110,37 +94,6 @@ def printed(experiment):
     found = compared(experiment, list(experiment.scenes))
     cropped = {one.alike for one in found if experiment.crops(one.scene)}
     return [one for one in found if one.alike not in cropped]
-
-
-def remedies(experiment):
-    """All `Scene`s, for the table of remedies.
-
-    Raises ValueError where methods have several models, and where a scene lacks a twin
-    that is trained as long as the config's `training`.
-    """
-    trained = [experiment.methods[name] for name in experiment.trained()]
-    if len({method["model"] for method in trained}) > 1:
-        raise ValueError("config: methods: target remedies needs one model for all")
-    found = compared(experiment)
-    whole = {(scene.alike, scene.seed) for scene in found if scene.share == 1}
-    for scene in found:
-        if (scene.alike, scene.seed) not in whole:
-            raise ValueError(
-                f"config: scenes.{scene.scene}: it is never trained as long as "
-                "`training` says, see vary.lengths"
-            )
-    return found
-
-
-def remedy_base(experiment):
-    """The name of the plain method that all fixes are compared with."""
-    return experiment.baseline(experiment.trained()[0])
-
-
-def in_remedies(experiment, scene):
-    """(method, round) of every row: the plain training, each method's last round."""
-    last = [(name, experiment.methods[name]["rounds"]) for name in experiment.trained()]
-    return list(dict.fromkeys([(remedy_base(experiment), 0), *last]))
 
 
 def in_arm(experiment, scene):
@@ -171,19 +124,11 @@ def rows_of(experiment, scene, table):
         # Its baseline is of another scene: each row is set against itself.
         own = [r._replace(base=r.folder, baseline=r.method) for r in every if r.method]
         every = [*(row for row in every if not row.method), *own]
-    if name == "remedies":
-        # The first row also has the flow from renders to photos: of the training views,
-        # where that exists; else of the test views.
-        first = next(row for row in every if (row.method, row.round) == chosen[0])
-        split = experiment.splits(scene, first.folder)[0]
-        at = layout.training(scene, first.folder)
-        first.files["displacement"] = at.lengths(split)
     return every
 
 
 # (method, round) of every row of a table across scenes, in its folder below a scene's.
 OF_TABLES = {
-    "remedies": in_remedies,
     "comparison": lambda experiment, scene: experiment.scored(scene),
     "arm": in_arm,
 }
@@ -266,13 +211,6 @@ def across(experiments, narrowed=types.MappingProxyType({})):
 
 def own_tables(experiment):
     """The tables of the config that runs, a published one that it names among them."""
-    yield Across(
-        *("remedies", "Compare all fixes at equal training time", experiment),
-        command="remedies",
-        scenes=remedies,
-        of="remedies",
-        reads=("facts.json",),
-    )
     yield trade_table(experiment)
     yield printed_table("comparison", experiment)
     if number := experiment.config["published_table"]:

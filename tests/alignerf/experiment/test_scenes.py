@@ -6,60 +6,7 @@ from alignerf.experiment import plan
 from alignerf.experiment.tables import scenes
 
 
-def names_of(experiment, scene, table):
-    """(method, round) of a table's rows, without what only leads to them."""
-    every = scenes.rows_of(experiment, scene, table)
-    return [(row.method, row.round) for row in every if row.method]
-
-
-def test_remedies_are_every_methods_last_round_at_every_length(demo, experiment_of):
-    demo["methods"] = {
-        "plain": {"model": "base"},
-        "photos": {"model": "base", "rounds": 2},
-        "joint": {"model": "base", "pose_optimization": {}},
-    }
-    demo["vary"] = {"seeds": [0, 2], "lengths": [0.5, 1]}
-    experiment = experiment_of(demo)
-    first, *others = scenes.remedies(experiment)
-    assert [(one.scene, one.seed, one.share) for one in (first, *others)] == [
-        ("courtyard", 0, 1),
-        ("courtyard_x0.5", 0, 0.5),
-        ("courtyard_seed2", 2, 1),
-        ("courtyard_seed2_x0.5", 2, 0.5),
-    ]
-    assert {one.alike for one in others} == {first.alike}
-    names = names_of(experiment, "courtyard", "remedies/")
-    assert names == [("plain", 0), ("photos", 2), ("joint", 0)]
-    between, plain, photos, _ = scenes.rows_of(experiment, "courtyard", "remedies/")
-    # The flow of training views, where another round needed them.
-    displacement = "results/courtyard/plain/round0/displacement/{}.csv"
-    assert plain.files["displacement"] == displacement.format("train")
-    assert "aligned_pose" in plain.files
-    # All that leads there is counted: three trainings, and renders and flow of two.
-    assert len(photos.way) == 3
-    assert photos.flows == ["plain/round0", "photos/round1"]
-    assert (between.folder, between.method) == ("photos/round1", None)
-    # The same angle of error at half the size.
-    half = {"downscale": 4, "perturb_px": 0.75}
-    demo["scenes"]["small"] = demo["scenes"]["courtyard"] | half
-    small = scenes.remedies(experiment_of(demo))[-1]
-    assert small.alike != first.alike
-    assert small.capture == first.capture
-    del demo["scenes"]["small"]
-    photos = demo["methods"].pop("photos")
-    plain, *_ = scenes.rows_of(experiment_of(demo), "courtyard", "remedies/")
-    assert plain.files["displacement"] == displacement.format("test")
-    demo["methods"]["photos"] = photos
-    demo["vary"] = {"lengths": [0.5]}
-    with pytest.raises(ValueError, match=r"scenes.courtyard_x0.5: it is never trained"):
-        scenes.remedies(experiment_of(demo))
-    demo["vary"] = None
-    demo["methods"]["photos"] = {"model": "large"}
-    with pytest.raises(ValueError, match="remedies needs one model for all"):
-        scenes.remedies(experiment_of(demo))
-
-
-@pytest.mark.parametrize("table", ["remedies", "comparison", "tradeoff", "table2"])
+@pytest.mark.parametrize("table", ["comparison", "tradeoff", "table2"])
 def test_a_table_across_scenes_waits_for_their_rows(demo, experiment_of, table):
     demo["methods"]["mipnerf360_large"]["model"] = "base"
     demo["methods"]["mipnerf360"]["published"] = "mip-NeRF 360"
@@ -67,12 +14,10 @@ def test_a_table_across_scenes_waits_for_their_rows(demo, experiment_of, table):
         plan.Experiments({"": experiment_of(demo | {"published_table": 2})})
     )
     (made,) = (one for one in found if one.name == table)
-    of = "remedies" if table == "remedies" else "comparison"
-    folder = f"results/courtyard/{of}"
+    folder = "results/courtyard/comparison"
     files = [f"{folder}/scores.csv", f"{folder}/trainings.csv"]
-    more = {"remedies": "facts.json", "comparison": "cameras.npz"}
-    beside = more.get(table.replace("table2", "comparison"))
-    assert made.inputs == [*files, *[f"results/courtyard/{beside}"] * bool(beside)]
+    beside = ["results/courtyard/cameras.npz"] * (table != "tradeoff")
+    assert made.inputs == [*files, *beside]
     assert made.options[0] == "--scenes"
     assert made.configs == ["results/courtyard/config.yaml"]
     assert f"results/{table}.csv" in made.files()

@@ -170,7 +170,7 @@ def test_the_default_kind_of_pose_error_changes_no_job(demo, experiment_of):
     assert "perturb_by" not in told["courtyard"]
     assert json.loads(told["translation"])["perturb_by"] == "translation"
     first, same, other = scenes.of_experiment(experiment)
-    assert first.capture == same.capture != other.capture
+    assert first.alike == same.alike != other.alike
 
 
 def test_the_weights_of_lpips_reach_the_command(demo, tmp_path, experiment_of):

@@ -85,7 +85,7 @@ def test_costs_are_of_all_that_leads_to_a_row(scene):
 
 
 def test_two_methods_that_share_a_training_have_a_row_each(tmp_path):
-    """As remedies do where a plain method stands beside one with rounds."""
+    """As where a plain method stands beside one with rounds."""
     scene = tmp_path / "yard"
     first = table_cases.written(scene, DB)
     found = table_cases.collect(scene, [first, first._replace(method="again")])
