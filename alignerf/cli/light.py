@@ -116,7 +116,7 @@ def wanted_of(experiment, wanted):
 
 def jobs_of(experiment, wanted, cores):
     """The jobs that lead to files, in an order in which they can run."""
-    rules = steps.Rules(experiment, lambda path: path, None)
+    rules = steps.Rules(experiment, lambda path: path)
     letters = LETTERS | {"scene": plan.one_of(experiment.scenes), "method": "[^/]+"}
     found = {}
 
