@@ -19,8 +19,8 @@ what other programs are given   `exports`
 other programs' renders         `diagnose`, in `api`, for Python and notebooks
 
 `experiment` says what a config means, without JAX: the jobs, what each job depends on,
-and what it asks of a cluster. `processes` lets several processes train one model.
-`io` is what all commands share: errors in one line, and atomic outputs.
+and what it asks of a cluster. `processes` shares a step between devices. `io` is what
+all commands share: errors in one line, and atomic outputs.
 """
 
 import importlib

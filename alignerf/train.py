@@ -3,11 +3,9 @@
 One product: the parameters, beside a `timing.json`. Resumes from its checkpoint
 folder bit for bit, with the same number of threads, devices and micro-batches (those
 of the checkpoint are taken again, where they fit). The first loss or gradient that is
-not finite ends the training; the last checkpoint is kept. Several processes, started
-by `srun` for example, train one model (`alignerf.processes`).
+not finite ends the training; the last checkpoint is kept.
 """
 
-import contextlib
 import hashlib
 import json
 from pathlib import Path
@@ -17,9 +15,8 @@ import jax
 from alignerf.contributions import patch_conv
 from alignerf.experiment import decisions, jobs
 from alignerf.io import atomic, faults, machine
-from alignerf.kernels import calls
 from alignerf.methods import base
-from alignerf.processes import consensus, devices
+from alignerf.processes import devices
 from alignerf.scenes import prepared
 from alignerf.sfm import pose_error
 from alignerf.training import (
@@ -50,13 +47,7 @@ OPTIONS = {
 def main(argv=None):
     args = faults.arguments(argv, __doc__, OPTIONS)
     machine.limit(args.threads)
-    with consensus.together():
-        devices.take_accelerator()
-        run(args)
-
-
-def run(args):
-    """Train and write the results; of several processes only the first writes."""
+    devices.take_accelerator()
     job = decisions.read_job(args.config)
     if Path(args.timing).is_dir():
         # Else it is said after the training, which is hours.
@@ -64,25 +55,15 @@ def run(args):
     if program.hashed(job.model):
         # An MLP gains little by it, and each device holds all its parameters.
         devices.use_as_devices()
-    with contextlib.ExitStack() as stack:
-        if consensus.is_first():
-            # Before all that takes time: a second trainer is refused at once.
-            stack.enter_context(checkpoint.lock(args.checkpoints))
+    # Before all that takes time: a second trainer is refused at once.
+    with checkpoint.lock(args.checkpoints):
         timing = train(job, args)
-    if not consensus.is_first():
-        return
     with atomic.replace_file(args.timing) as path:
         path.write_text(json.dumps(timing, indent=1))
 
 
 def train(job, args):
     """Train from the checkpoint or from the beginning; returns what it took."""
-    consensus.check_same(
-        checkpoint.fingerprint(jobs.as_dict(job), args.sources), "config"
-    )
-    # Where one has no compiler: `training: { kernels: jax }`.
-    kernels = checkpoint.fingerprint(calls.name_of(job.training.kernels))
-    consensus.check_same(kernels, "training.kernels")
     loaded = prepared.load(args.scene, args.cameras)
     chosen, photos = loaded.views("train"), args.photos or loaded.folder / "images"
     check_inputs(job, loaded, chosen, photos)
@@ -93,7 +74,7 @@ def train(job, args):
     aligner = part.aligner(loaded, photos, args.checkpoints)
     to_come = checked_bytes(shapes, aligner, photos)
     # Whether the checkpoint is this job's shows when the photos are there.
-    micro_batches = consensus.on(checkpoint.read_micro_batches(args.checkpoints))
+    micro_batches = checkpoint.read_micro_batches(args.checkpoints)
     built = program.build(
         job, method, params, shapes, micro_batches=micro_batches, to_come=to_come
     )
@@ -105,11 +86,10 @@ def train(job, args):
         aligner=aligner,
     )
     moved = part.moved(loaded, params, aligner)
-    if consensus.is_first():
-        cameras = args.cameras or f"{args.scene}/cameras.npz"
-        with atomic.replace_folder(args.learnt) as folder:
-            checkpoint.write_params(folder / "model.msgpack", params)
-            part.write(folder, loaded, moved, aligner, views, cameras)
+    cameras = args.cameras or f"{args.scene}/cameras.npz"
+    with atomic.replace_folder(args.learnt) as folder:
+        checkpoint.write_params(folder / "model.msgpack", params)
+        part.write(folder, loaded, moved, aligner, views, cameras)
     if compared:
         own = prepared.load(args.scene)
         errors_px = {"given": compared(own), "after": compared(moved)}

@@ -332,8 +332,8 @@ LOGS = {
 TOLD = (
     *("alignerf.experiment.jobs", "alignerf.external.commands"),
     *("alignerf.exports.photos", "alignerf.verdict.__main__"),
-    *("alignerf.costs.__main__", "alignerf.processes.consensus"),
-    *("alignerf.experiment.tables.rows", "flow.figures.scene"),
+    *("alignerf.costs.__main__", "alignerf.experiment.tables.rows"),
+    "flow.figures.scene",
 )
 MAY_READ = READERS | SHIPPED | SYSTEM | LOGS | {name: {"json.loads"} for name in TOLD}
 

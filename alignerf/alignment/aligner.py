@@ -9,14 +9,13 @@ and is bit for bit the same.
 import dataclasses
 import time
 
-import flax.serialization
 import numpy as np
 
 from alignerf.alignment import cameras, look, photos, store
 from alignerf.cameras import refine
 from alignerf.experiment import jobs
 from alignerf.methods import align, base
-from alignerf.processes import consensus, devices
+from alignerf.processes import devices
 from alignerf.scenes import prepared
 from alignerf.training import compose, memory
 from flow.camera import correct
@@ -85,15 +84,13 @@ class Aligner:
 
         An alignment that was made before this very step is not repeated.
         """
-        stored = None
-        if consensus.is_first():
-            stored = store.read(self.folder, identity=self.identity, size=self.sizes())
-        aligned = consensus.on(stored and stored[1]["step"])
+        stored = store.read(self.folder, identity=self.identity, size=self.sizes())
+        aligned = stored and stored[1]["step"]
         last = max((at for at in self.places if at < step), default=None)
         if aligned is None or aligned not in (step, last):
             return last is None
-        self.take(shared(stored and stored[0]))
-        self.report = consensus.on(stored and stored[1]["report"])
+        self.take(stored[0])
+        self.report = stored[1]["report"]
         if aligned == step:
             del self.places[step]
         return True
@@ -101,22 +98,15 @@ class Aligner:
     def align(self, params, step):
         """Render training views by these parameters, and correct what is off."""
         begun, compiled_s = time.perf_counter(), self.compile_time_s
-        arrays, row = None, {}
-        if consensus.is_first():
-            row = {"step": step, "corrects": self.places[step], "shrink": self.k}
-            row |= self.corrected(devices.on_first(params), step)
-            arrays = self.arrays()
-        self.take(shared(arrays))
+        row = {"step": step, "corrects": self.places[step], "shrink": self.k}
+        row |= self.corrected(devices.on_first(params), step)
+        arrays = self.arrays()
+        self.take(arrays)
         took_s = time.perf_counter() - begun - (self.compile_time_s - compiled_s)
-        self.report.append(consensus.on(row | {"time_s": round(took_s, 3)}))
-        if consensus.is_first():
-            store.write(
-                self.folder,
-                arrays,
-                identity=self.identity,
-                step=step,
-                report=self.report,
-            )
+        self.report.append(row | {"time_s": round(took_s, 3)})
+        store.write(
+            self.folder, arrays, identity=self.identity, step=step, report=self.report
+        )
         store.say(self.report[-1])
 
     def corrected(self, params, step):
@@ -344,11 +334,3 @@ class InLoop(base.Part):
 def scales_of(job, given: prepared.Scene):
     """What the learnt parameters of the training views are multiplied by."""
     return refine.scales_of(refine.views_of(given), job.learns.preconditioned)
-
-
-def shared(arrays):
-    """The first process's arrays {name: array}, to the bit, in all of them."""
-    if not consensus.are_several():
-        return arrays
-    packed = flax.serialization.msgpack_serialize(arrays) if arrays else b""
-    return flax.serialization.msgpack_restore(consensus.on_bytes(packed))

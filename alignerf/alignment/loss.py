@@ -16,7 +16,7 @@ from alignerf.contributions import aligned_loss
 from alignerf.contributions.aligned_loss import Tiles
 from alignerf.io import atomic, json_files
 from alignerf.methods import base
-from alignerf.processes import consensus, devices
+from alignerf.processes import devices
 from alignerf.training import batches, compose, loop, memory, renderer
 
 log = logging.getLogger("alignerf")
@@ -106,7 +106,7 @@ class Look(loop.NoAligner):
         """Take over what an earlier look found; one at this very step is repeated."""
         if not any(place < step for place in self.places):
             return True
-        row = consensus.on(self.read() if consensus.is_first() else None)
+        row = self.read()
         if row is None:
             return False
         self.report, self.learning = [row], row["searching"]
@@ -136,12 +136,12 @@ class Look(loop.NoAligner):
         """Search the photos once; the parameters with the costs, where they lie off."""
         begun, compiled_s = time.perf_counter(), self.compile_time_s
         min_px = self.job.aligned_loss.min_move_px
-        costs, median_px, known = consensus.on_arrays(self.searched(params))
+        costs, median_px, known = self.searched(params)
         self.learning = float(median_px) >= min_px
         took_s = time.perf_counter() - begun - (self.compile_time_s - compiled_s)
         row = {"step": step, "offset_px": round(float(median_px), 3)}
         row |= {"searching": self.learning, "time_s": round(took_s, 3)}
-        self.report = [consensus.on(row)]
+        self.report = [row]
         stays = f"below {min_px:g} px, so the training stays plain"
         log.info(
             "aligned loss: photos are %.2f px off the renders (median of %d tiles of "
@@ -149,10 +149,9 @@ class Look(loop.NoAligner):
             *(median_px, known, len(costs)),
             "they are searched from here on" if self.learning else stays,
         )
-        if consensus.is_first():
-            with atomic.replace_file(self.path) as path:
-                found = {"identity": self.identity, "row": row}
-                path.write_text(json_files.canonical(found))
+        with atomic.replace_file(self.path) as path:
+            found = {"identity": self.identity, "row": row}
+            path.write_text(json_files.canonical(found))
         return {**params, COSTS: costs} if self.learning else None
 
     def searched(self, params):

@@ -31,19 +31,16 @@ def read(line):
 
 
 class Progress:
-    """Counts steps; shows numbers, speed and the time left.
-
-    silent: nothing is shown, as where another process shows the same.
-    """
+    """Counts steps; shows numbers, speed and the time left."""
 
     log_every_s = 10.0
 
-    def __init__(self, title, total, *, done=0, unit="step", silent=False):
+    def __init__(self, title, total, *, done=0, unit="step"):
         self.title, self.total, self.done, self.unit = title, total, done, unit
-        self.silent, self.bar = silent, None
+        self.bar = None
         self.first, self.start = done, time.perf_counter()
         self.shown = self.start
-        if sys.stderr.isatty() and not silent:
+        if sys.stderr.isatty():
             self.bar = tqdm.tqdm(desc=title, total=total, initial=done, unit=unit)
 
     def advance(self, count=1, **numbers):
@@ -51,7 +48,7 @@ class Progress:
         self.done += count
         now = time.perf_counter()
         seldom = now - self.shown < self.log_every_s and self.done < self.total
-        if self.silent or (seldom and self.bar is None):
+        if seldom and self.bar is None:
             return
         text = "  ".join(f"{name} {value:.4g}" for name, value in numbers.items())
         if self.bar is not None:

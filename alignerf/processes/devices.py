@@ -1,4 +1,4 @@
-"""The devices of all processes of a training: cores of a CPU, or accelerators.
+"""The devices of a training: cores of a CPU, or accelerators.
 
 On accelerators each job reserves one by a file lock. On a CPU each core is a device: a
 small model's operations are too short for XLA to share one between cores. Two
@@ -7,7 +7,6 @@ devices they train it 1.3 times as fast as one of two threads, an MLP 1.05 times
 """
 
 import contextlib
-import functools
 import logging
 import math
 import os
@@ -16,11 +15,9 @@ from pathlib import Path
 
 import filelock
 import jax
-import numpy as np
 from jax.sharding import NamedSharding, PartitionSpec, SingleDeviceSharding
 
 from alignerf.io import machine
-from alignerf.processes import consensus
 
 log = logging.getLogger("alignerf")
 
@@ -65,9 +62,6 @@ def take_accelerator(device_files=Path("/dev"), locks=None):
         for path in device_files.glob("nvidia[0-9]*")
     )
     if len(numbers) < 2 or "CUDA_VISIBLE_DEVICES" in os.environ:
-        return
-    if consensus.are_several():
-        # Each takes the one of its number on its host.
         return
     folder = Path(locks or tempfile.gettempdir())
     # Empty ones first.
@@ -120,23 +114,9 @@ def place(tree, mesh):
 
     On a CPU, arrays at an aligned address are taken as they are, without a copy.
     """
-    sharding = everywhere(mesh)
-    if sharding.is_fully_addressable:
-        return jax.device_put(tree, sharding)
-    # device_put would send all of it from process to process, to compare.
-    return jax.tree.map(functools.partial(_place_mine, sharding), tree)
-
-
-def _place_mine(sharding, leaf):
-    leaf = np.asarray(leaf)
-    return jax.make_array_from_callback(leaf.shape, sharding, lambda at: leaf[at])
+    return jax.device_put(tree, everywhere(mesh))
 
 
 def on_first(tree):
-    """What `place` has placed, on this process's first device alone: no copy."""
+    """What `place` has placed, on the first device alone: no copy."""
     return jax.tree.map(lambda leaf: leaf.addressable_data(0), tree)
-
-
-def local(tree):
-    """`on_first` where there are several processes; else the tree as it is."""
-    return on_first(tree) if consensus.are_several() else tree

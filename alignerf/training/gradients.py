@@ -24,17 +24,9 @@ AXIS = "units"
 CACHED_POINTS, CACHED_LOOKUPS = 12288, 49152
 
 
-def make_mesh(units, devices, *, all_of_them=False):
-    """The mesh of as many devices as share the units evenly; None for one device.
-
-    all_of_them: raise ValueError rather than leave devices out (several processes).
-    """
+def make_mesh(units, devices):
+    """The mesh of as many devices as share the units evenly; None for one device."""
     count = max(n for n in range(1, len(devices) + 1) if units % n == 0)
-    if count < len(devices) and all_of_them:
-        raise ValueError(
-            f"config: a step's {units} rays or patches are not shared evenly by "
-            f"{len(devices)} devices in all processes; {count} would do"
-        )
     if count < len(devices):
         log.warning(
             "%d of %d devices are used: no more share %d units evenly",

@@ -15,7 +15,7 @@ import jax.numpy as jnp
 from alignerf.experiment import jobs
 from alignerf.io import progress, provenance
 from alignerf.kernels import calls
-from alignerf.processes import consensus, devices
+from alignerf.processes import devices
 from alignerf.training import checkpoint, memory, program
 from alignerf.training import run as train_run
 
@@ -54,7 +54,7 @@ def fit(*start, **options):
     """
     run = begin(*start, **options)
     run_steps(run)
-    return devices.local(run.state.params), run.timing()
+    return run.state.params, run.timing()
 
 
 def begin(
@@ -69,7 +69,6 @@ def begin(
     aligner = aligner or NoAligner()
     kernels = calls.name_of(job.training.kernels)
     data = checkpoint.digest((params, views)), sources, kernels
-    consensus.check_same(data[0], "photos, cameras and initial parameters")
     job, built, facts = in_budget(job, method, built, params, views, checkpoints, data)
     identity = checkpoint.fingerprint(jobs.as_dict(job), *data)
     facts |= describe(job, method, params)
@@ -112,13 +111,12 @@ def in_budget(job, method, built, params, views, checkpoints, data):
     if job.budget_min is None:
         return job, built, {}
     identity = checkpoint.fingerprint(jobs.as_dict(job), *data)
-    budget = consensus.on(checkpoint.read_budget(checkpoints, identity=identity))
+    budget = checkpoint.read_budget(checkpoints, identity=identity)
     if budget is None:
         # A new training begins in the usual micro-batches.
         built = program.refitted(built, None, job, method, params, views)
         budget = time_budget(job, built, params, views)
-        if consensus.is_first():
-            checkpoint.save_budget(checkpoints, identity=identity, **budget)
+        checkpoint.save_budget(checkpoints, identity=identity, **budget)
     minutes, job = job.budget_min, jobs.with_steps(job, budget["steps"])
     speed_text = f"{budget['steps_per_s']:.3g} steps/s"
     log.info("budget %g min: %d steps at %s", minutes, job.steps, speed_text)
@@ -164,19 +162,15 @@ class Resumed(NamedTuple):
 def resume(checkpoints, fresh: Resumed, identity, steps, aligner) -> Resumed:
     """The newest checkpoint of this very job, or `fresh` where there is none.
 
-    The first process reads the checkpoint, whatever number of processes has written
-    it. A state whose alignments are lost is of no use.
+    A state whose alignments are lost is of no use.
     """
-    restored = None
-    if consensus.is_first():
-        restored = checkpoint.restore(checkpoints, fresh.state, identity=identity)
-    manifest = consensus.on(restored and restored[1])
-    if manifest is None:
+    restored = checkpoint.restore(checkpoints, fresh.state, identity=identity)
+    if restored is None:
         return fresh
-    if not aligner.restore(consensus.on(restored and int(restored[0].step))):
+    state, manifest = restored
+    if not aligner.restore(int(state.step)):
         log.warning("%s: its alignment is lost, starting anew", checkpoints)
         return fresh
-    state = consensus.on_arrays(restored[0] if restored else fresh.state)
     log.info("resuming at step %d of %d", int(state.step), steps)
     state = jax.tree.map(jnp.asarray, state)
     return Resumed(state, *(manifest[key] for key in ("time_s", "parts", "final")))
@@ -195,7 +189,6 @@ def describe(job, method, params):
         "rays_seen": job.steps * job.rays_per_step,
         "params": sum(leaf.size for leaf in jax.tree.leaves(networks)),
         "device": jax.devices()[0].device_kind,
-        "processes": consensus.count(),
         "kernels": calls.name_of(job.training.kernels),
         **provenance.facts(),
     }
@@ -215,8 +208,7 @@ def run_steps(run):
     schedule = program.schedule_of(run.job, run.program.mesh)
     done, pending = int(run.state.step), []
     saved = fetched = time.perf_counter()
-    options = {"done": done, "silent": not consensus.is_first()}
-    bar = progress.Progress(run.job.stage, steps, **options)
+    bar = progress.Progress(run.job.stage, steps, done=done)
     with contextlib.closing(bar):
         while done < steps:
             if done in places:

@@ -12,7 +12,7 @@ import jax
 import jax.numpy as jnp
 
 from alignerf.kernels import calls
-from alignerf.processes import consensus, devices
+from alignerf.processes import devices
 from alignerf.training import gradients, memory
 from alignerf.training import step as train_step
 
@@ -49,9 +49,7 @@ def build(job, method, params, views, *, micro_batches=None, to_come=0) -> Progr
     optimizer_of = adam_of(job, method)
     # What it keeps does not depend on how long a training is.
     optimizer = optimizer_of(train_step.Schedule(1, 0, 0))
-    mesh = gradients.make_mesh(
-        method.units, jax.devices(), all_of_them=consensus.are_several()
-    )
+    mesh = gradients.make_mesh(method.units, jax.devices())
     shapes = jax.tree.map(
         lambda leaf: jax.ShapeDtypeStruct(
             leaf.shape, leaf.dtype, sharding=devices.everywhere(mesh)
@@ -170,8 +168,7 @@ def compile_step(
         compiled = step.lower(*inputs).compile()
         return compiled, memory.step_bytes(compiled, mine)
 
-    # The host with the least memory decides for all: each compiles the same.
-    free = consensus.on_smallest(max(0, memory.free_bytes(mine[0]) - to_come))
+    free = max(0, memory.free_bytes(mine[0]) - to_come)
     return memory.compile_to_fit(compile_in, units, free, micro_batches=micro_batches)
 
 
@@ -195,7 +192,7 @@ def log_memory(job, program, state, views):
     )
 
 
-def step_time_s(step, state, *, max_s, at_once, clock=consensus.clock):
+def step_time_s(step, state, *, max_s, at_once, clock=time.perf_counter):
     """Median seconds of a step on this machine, timed for about `max_s` seconds.
 
     step: state -> (state, numbers); it uses up `state`. `at_once` steps are run

@@ -12,7 +12,7 @@ import jax
 import numpy as np
 
 from alignerf.experiment import jobs
-from alignerf.processes import consensus, devices
+from alignerf.processes import devices
 from alignerf.training import checkpoint, diagnose, memory, program
 
 
@@ -43,27 +43,23 @@ class Run:
 
     def save(self):
         """Write a checkpoint; ValueError where the parameters are not finite."""
-        state = devices.local(self.state)
-        check_finite(state)
+        check_finite(self.state)
         facts = {"identity": self.identity, "time_s": self.time_s()}
         # Of both programs that of the first, with which a run begins anew.
         first = self.aside[1] if self.aligner.learning else self.program
         facts |= {"micro_batches": first.micro_batches, "final": self.numbers}
-        if consensus.is_first():
-            checkpoint.save(self.checkpoints, state, **facts)
+        checkpoint.save(self.checkpoints, self.state, **facts)
 
     def align(self):
         """Align cameras and photos, and replace the views by the aligned ones."""
-        params, learning = devices.local(self.state.params), self.aligner.learning
-        changed = self.aligner.align(params, int(self.state.step))
+        learning = self.aligner.learning
+        changed = self.aligner.align(self.state.params, int(self.state.step))
         if changed is not None:
             changed = devices.place(changed, self.program.mesh)
             self.state = self.state._replace(params=changed)
         if self.aligner.learning != learning:
             self.switch()
         views = self.aligner.views(self.unaligned)
-        if consensus.are_several():
-            consensus.check_same(checkpoint.digest(views), "views after an alignment")
         self.views = devices.place(views, self.program.mesh)
 
     def switch(self):
@@ -106,7 +102,7 @@ class Run:
         """
         return diagnose.explain(
             self.method,
-            *devices.local((self.state, self.views)),
+            *(self.state, self.views),
             self.names,
             steps=self.job.schedule_steps,
             seed=self.job.seed,

@@ -1,6 +1,5 @@
 """A tiny chain through a real Slurm, of this host alone (see one_host.py)."""
 
-import json
 import re
 import shutil
 import signal
@@ -213,21 +212,6 @@ def wait_for_step(manifest, *, above, max_s=420):
             if step > above:
                 return step
     raise AssertionError("no checkpoint")
-
-
-def test_two_nodes_train_one_model(root, slurm, begun):
-    retrain(begun, peak_bytes=10**9)
-    srun = "srun --nodes=2 --ntasks=2 --cpus-per-task=1 --kill-on-bad-exit=1"
-    (port,) = one_host.free_ports(1)
-    done = run(
-        *(root, slurm, begun, TRAINED, "--set-resources"),
-        *("train:mpi=srun", "train:tasks=2", "train:nodes=2"),
-        *(f"train:launcher={srun}", "--set-threads", "train=1"),
-        # Nodes have names that this host cannot look up.
-        JAX_COORDINATOR_ADDRESS=f"127.0.0.1:{port}",
-    )
-    assert done.returncode == 0, done.stdout
-    assert json.loads((begun / TRAINED).read_text())["processes"] == 2
 
 
 def test_more_accelerators_than_there_are_is_said(root, slurm, begun):

@@ -18,15 +18,14 @@ rule train:
     threads: step.train.threads
     resources:
         gpu=step.train.gpu,
-        launcher="",
         mem_mb=step.train.memory_mb,
         runtime=cluster.minutes,
     params:
         command=step.train.command,
         sources=step.train.sources,
     shell:
-        "{resources.launcher} python -m {params.command:q} --threads {threads}"
-        " --sources {params.sources} 2>&1 | tee {log:q}"
+        "python -m {params.command:q} --threads {threads} --sources {params.sources}"
+        " 2>&1 | tee {log:q}"
 
 
 rule render:

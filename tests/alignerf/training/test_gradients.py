@@ -59,13 +59,6 @@ def test_as_many_devices_as_share_the_units_evenly(units, count, used, caplog):
     assert (f"{used} of {count} devices are used" in caplog.text) == (used < count)
 
 
-def test_of_several_processes_none_may_be_left_out():
-    with pytest.raises(
-        ValueError, match=r"32 rays or patches .* 5 devices .*; 4 would"
-    ):
-        gradients.make_mesh(32, [object()] * 5, all_of_them=True)
-
-
 def test_eight_devices_learn_what_one_does(root):
     flags = (
         f"{os.environ.get('XLA_FLAGS', '')} --xla_force_host_platform_device_count=8"

@@ -60,7 +60,7 @@ def experiment(demo, experiment_of, tmp_path):
     methods["given"] = {"renders": f"{tmp_path}/{{scene}}"}
     (tmp_path / "courtyard").mkdir()
     config = demo | {"methods": methods, "reference": {"method": "plain"}}
-    return experiment_of(config, lambda **_: True)
+    return experiment_of(config)
 
 
 def test_every_kind_says_what_the_plan_moves(experiment):
