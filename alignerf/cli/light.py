@@ -1,21 +1,19 @@
-"""Judged scenes, and their exports, step by step in this process.
+"""Judged scenes, and their exports, stage by stage in this process.
 
 Nothing is trained there, so neither the workflow engine nor JAX is needed. Results are
 as by workflow/rules, which can go on with them.
 """
 
-import collections
 import contextlib
 import json
 import logging
 import os
-import re
 import runpy
 import signal
 import sys
 import tempfile
-import threading
 import traceback
+import types
 from pathlib import Path
 from typing import NamedTuple
 
@@ -23,58 +21,27 @@ from alignerf.captures import base
 from alignerf.cli import configs, report
 from alignerf.experiment import check, cluster, layout, plan, sources, steps, targets
 from alignerf.experiment.checks import results
-from alignerf.io import atomic, json_files, machine
+from alignerf.io import atomic, json_files, machine, progress
+from alignerf.scenes import originals
 
-S, T = layout.Scene("{scene}"), layout.training("{scene}", "{training}")
-PARTS = T.parts("{split}", "{photos}"), T.decomposition("{split}", "{photos}")
-# {rule: (log, outputs, whether its command takes `--threads`)}, as in workflow/rules.
-RULES = {
-    "config": (S.log("config"), [S.config], False),
-    "poses": (S.log("poses"), [S.images, S.cameras, S.poses], False),
-    "train": (T.log("train"), [T.timing, T.learnt], True),
-    "render": (T.log("render"), [T.renders, T.depth, T.render], True),
-    "align": (T.log("align"), [T.flow, T.warped, T.displacement], True),
-    "overfit": (T.log("overfit"), [T.overfit], True),
-    "correct_poses": (T.log("correct_poses"), [T.corrected, T.corrections], True),
-    "decompose": (T.log("decompose{photos}_{split}"), PARTS, True),
-    "verdict": (S.log("verdict"), [S.verdict, S.views], False),
-    "page": (S.log("page"), [S.page], False),
-    "export_folder": (
-        f"{S}/{{method}}/logs/export_{{what}}.log",
-        [S.export("{method}", "{what}")],
-        False,
-    ),
-}
-LETTERS = {"training": r"[^/]+/round\d+", "split": "train|test", "photos": "|_photos"}
-LETTERS |= {"what": "cameras|photos"}
-# Beside a scene's results: what each job's outputs were made by, and when.
+# Beside a scene's results: what each stage's outputs were made by.
 MADE_BY = "made_by.json"
 # By these a keyboard, another process and a terminal that is closed end a run.
 SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
+# Rules whose commands take `--threads`.
+IN_THREADS = ("train", "render", "align", "overfit", "correct_poses", "decompose")
 POLL_S = 0.1
 # The exit code of a run that was ended by one.
 STOPPED = 130
 
 
-class Job(NamedTuple):
-    """A rule, its wildcards, what it runs and makes. sources: of its code."""
+class Stage(NamedTuple):
+    """A rule of workflow/rules, its wildcards, what it makes, and where it says so."""
 
     rule: str
-    wildcards: NamedTuple
-    command: list
-    threads: list
-    sources: str
-    inputs: list
-    outputs: list
+    wildcards: dict
     log: str
-
-    def state(self):
-        """What it is made by, and the times of its files; None of a missing one."""
-        times = {}
-        for path in (*self.inputs, *self.outputs):
-            exists = os.path.exists(path)
-            times[str(path)] = os.stat(path).st_mtime_ns if exists else None
-        return {"command": self.command, "sources": self.sources, "times": times}
+    outputs: list
 
 
 def takes(path):
@@ -95,102 +62,99 @@ def run(path, cores, wanted, overrides=(), forced=()):
     experiment = plan.Experiment(check.checked(config, [path]))
     plan.check_equal(experiment)
     results.check_folders(experiment.scenes, experiment.methods)
-    cluster.link(experiment.scenes, S.config)
+    cluster.link(experiment.scenes, layout.Scene("{scene}").config)
     sources.set_environment(targets.export_command([path]))
     results.check_writable(experiment.scenes, experiment.methods)
-    found = jobs_of(experiment, wanted_of(experiment, wanted), cores)
+    exports = targets.exports(experiment) if wanted == ("export",) else []
     with interruptible() as asked, shown(experiment.captures()) as (told, tell):
-        code, lines = make(experiment.scenes, found, forced, tell, asked)
+        code, lines = make(experiment, exports, cores, forced, tell, asked)
         told.stopping = code == STOPPED
     told.close(code, [*lines, targets.GOES_ON] if lines else [])
     return code
 
 
-def wanted_of(experiment, wanted):
-    """The files behind `all` and `export`."""
-    if wanted == ("export",):
-        return targets.exports(experiment)
-    of_scenes = [targets.of_scene(experiment, name) for name in experiment.captures()]
-    return [path for paths in of_scenes for path in paths]
+def stages_of(experiment, scene, exports):
+    """The stages of a judged scene, in turn; each reads what those before it made."""
+    at, training = layout.Scene(scene), experiment.judged_folder(scene)
+    of = {"scene": scene, "training": training.name}
+
+    def stage(rule, *outputs, place=training, log=None, **more):
+        return Stage(rule, of | more, place.log(log or rule), [*map(str, outputs)])
+
+    yield stage("poses", at.images, at.cameras, at.poses, place=at)
+    yield stage("train", training.timing, training.learnt)
+    yield stage("render", training.renders, training.depth, training.render)
+    yield stage("align", training.flow, training.warped, training.displacement)
+    yield stage("overfit", training.overfit)
+    if experiment.capture(scene).can_export(experiment.scenes[scene]):
+        yield stage("correct_poses", training.corrected, training.corrections)
+    for split in experiment.splits(scene, training.name):
+        parts = training.parts(split, "_photos")
+        stats, log = training.decomposition(split, "_photos"), f"_photos_{split}"
+        more = {"log": f"decompose{log}", "split": split, "photos": "_photos"}
+        yield stage("decompose", parts, stats, **more)
+    yield stage("config", at.config, place=at)
+    yield stage("verdict", at.verdict, at.views, place=at)
+    yield stage("page", at.page, place=at)
+    for path in (one for one in exports if Path(one).parts[1] == scene):
+        method, _, what = Path(path).parts[2:]
+        own = layout.Training(f"{at}/{method}")
+        more = {"place": own, "log": f"export_{what}", "method": method, "what": what}
+        yield stage("export_folder", path, **more)
 
 
-def jobs_of(experiment, wanted, cores):
-    """The jobs that lead to files, in an order in which they can run."""
-    rules = steps.Rules(experiment, lambda path: path)
-    letters = LETTERS | {"scene": plan.one_of(experiment.scenes), "method": "[^/]+"}
-    found = {}
-
-    def go(path):
-        rule, wildcards = made_by(path, letters)
-        if rule is None or (rule, wildcards) in found:
-            return
-        (log, outputs, threads), asked = RULES[rule], getattr(rules, rule)
-        inputs = [*flat(asked.inputs(wildcards).values())]
-        for one in inputs:
-            go(one)
-        log, *made = (one.format(**wildcards._asdict()) for one in (log, *outputs))
-        words = [str(word) for word in asked.command(wildcards)]
-        runs = words, ["--threads", str(cores)] * threads, asked.sources(wildcards)
-        found[rule, wildcards] = Job(rule, wildcards, *runs, inputs, made, log)
-
-    for path in wanted:
-        go(path)
-    return list(found.values())
-
-
-def made_by(path, letters):
-    """(rule, wildcards) that a file is made by; None of a user's.
-
-    letters: {wildcard: what it may be}.
-    """
-    groups = {name: f"(?P<{name}>{letter})" for name, letter in letters.items()}
-    for rule, (_, outputs, _) in RULES.items():
-        for pattern in outputs:
-            if found := re.fullmatch(pattern.format(**groups), path):
-                names = found.groupdict()
-                return rule, collections.namedtuple(rule, names)(**names)
-    return None, None
-
-
-def flat(paths):
-    """The paths of texts, lists and mappings."""
-    for one in paths:
-        if isinstance(one, str | Path):
-            yield str(one)
-        else:
-            yield from flat(one.values() if isinstance(one, dict) else one)
-
-
-def make(scenes, found, forced, tell, asked):
-    """Run the jobs that are out of date: (exit code, last lines where one failed).
+def make(experiment, exports, cores, forced, tell, asked):
+    """Run what is out of date: (exit code, last lines where a stage failed).
 
     asked: signals that have come, also where what they raised was not passed on.
     """
-    files = {scene: Path(layout.Scene(scene), MADE_BY) for scene in scenes}
-    noted = {s: json_files.read(f) if f.is_file() else {} for s, f in files.items()}
-    stale, anew = [], set(forced)
-    for job in found:
-        as_noted = noted[job.wildcards.scene].get(job.outputs[0]) == job.state()
-        if not as_noted or anew & {*job.inputs, *job.outputs}:
-            stale.append(job)
-            anew |= set(job.outputs)
+    rules, todo, noted = steps.Rules(experiment, lambda path: path), [], {}
+    for scene in experiment.captures():
+        file, fresh = Path(layout.Scene(scene), MADE_BY), True
+        known, noted[scene] = json_files.read(file) if file.is_file() else {}, {}
+        for stage in stages_of(experiment, scene, exports):
+            wildcards = types.SimpleNamespace(**stage.wildcards)
+            by = made_by(getattr(rules, stage.rule).make(wildcards))
+            there = known.get(stage.outputs[0]) == by
+            there &= all(map(os.path.exists, stage.outputs))
+            there &= not {*forced} & {*stage.outputs}
+            if stage.rule == "poses":
+                there &= not originals.changed(Path(layout.Scene(scene)))
+            # What follows a stage that is made anew is made anew, too.
+            fresh &= there
+            if fresh:
+                noted[scene][stage.outputs[0]] = by
+            else:
+                todo.append((stage, by))
     # Outputs are replaced as they are written: a user's files among them stay.
-    results.claim(scenes, written=[p for j in stale for p in (*j.outputs, j.log)])
-    tell(event="run_info", total=len(stale), scenes="\n".join(scenes))
-    for number, job in enumerate(stale):
-        scene, told = job.wildcards.scene, {"jobid": number, "rule_name": job.rule}
-        told |= {"wildcards": job.wildcards._asdict(), "output": job.outputs}
-        tell(event="job_info", log=[job.log], **told)
-        code = ended([*job.command, *job.threads], job.log)
+    written = [path for stage, _ in todo for path in (*stage.outputs, stage.log)]
+    results.claim(experiment.scenes, written=written)
+    tell(event="run_info", total=len(todo))
+    for number, (stage, by) in enumerate(todo):
+        scene, told = stage.wildcards["scene"], {"rule_name": stage.rule}
+        told |= {"wildcards": stage.wildcards, "output": stage.outputs}
+        tell(event="job_info", jobid=number, log=[stage.log], **told)
+        threads = ["--threads", str(cores)] * (stage.rule in IN_THREADS)
+        code = ended([*by["command"], *threads], stage.log)
         if code := STOPPED if asked else code:
             tell(event="job_error", jobid=number)
-            return code, [] if code == STOPPED else targets.cause(Path(job.log))
+            return code, [] if code == STOPPED else targets.cause(Path(stage.log))
         tell(event="job_finished", jobid=number)
-        tell(event="progress", done=number + 1, total=len(stale))
-        noted[scene][job.outputs[0]] = job.state()
-        with atomic.replace_file(files[scene]) as path:
+        tell(event="progress", done=number + 1, total=len(todo))
+        noted[scene][stage.outputs[0]] = by
+        with atomic.replace_file(Path(layout.Scene(scene), MADE_BY)) as path:
             path.write_text(json.dumps(noted[scene], indent=1))
     return 0, []
+
+
+def made_by(step):
+    """What a stage is made by: its command, its code, and single files of a user's."""
+    files = [path for path in step.own.values() if path and os.path.isfile(path)]
+    return {
+        "command": [*map(str, step.command)],
+        "sources": sources.sources_of(*(step.modules or step.command[:1])),
+        "files": {str(path): os.stat(path).st_mtime_ns for path in files},
+    }
 
 
 def ended(command, log):
@@ -266,21 +230,12 @@ def interruptible():
 @contextlib.contextmanager
 def shown(captures):
     """(a report that a thread keeps up to date, the function that tells it events)."""
-    told, done = report.Report(captures, None, sys.stdout), threading.Event()
+    told = report.Report(captures, None, sys.stdout)
     with tempfile.NamedTemporaryFile("r") as events, open(events.name, "a") as file:
 
         def tell(**event):
             print(json.dumps(event), file=file, flush=True)
 
-        def show():
-            while not done.wait(POLL_S):
-                told.look(events)
-
-        thread = threading.Thread(target=show, daemon=True)
-        thread.start()
-        try:
+        with progress.every(POLL_S, lambda: told.look(events)):
             yield told, tell
-        finally:
-            done.set()
-            thread.join()
-            told.look(events)
+        told.look(events)
