@@ -118,7 +118,7 @@ def of_pairs(loaded: prepared.Scene):
 
     def of_view(view):
         pair, pixtocam = pairs["views"][loaded.names[view]], own["pixtocams"][view]
-        render = layouts.Render(Path(pair["render"]), pair["part"])
+        render = layouts.Render(Path(pair["render"]), pair["sheet"])
         image, _ = views.read_render(render, pairs.get("background"))
         # Of a render that shows the distortion: (camtopix, distortion).
         if lens := pair["lens"] and tuple(map(np.array, pair["lens"])):

@@ -2,15 +2,14 @@
 
 Known are the `render.py` of 3D Gaussian splatting (train/ours_30000/renders/00000.png),
 the `simple_trainer.py` of gsplat (val_step29999_0000.png, photo and render side by
-side), and folders of numbers. Which photo has which number depends on the order that
-the program has them in: see `orders`.
+side), and folders of numbers. Numbers count photos by name.
 """
 
 import re
 from pathlib import Path
 from typing import NamedTuple
 
-from alignerf.scenes.external import orders
+from alignerf.scenes import photos
 
 # What folders call a split; what is validated is held out.
 SPLITS = {"train": "train", "test": "test", "val": "test", "eval": "test"}
@@ -25,25 +24,39 @@ EVERY = 8
 
 
 class Render(NamedTuple):
-    """A render's file. part: of `orders.HALVES`, which is the render; None of a whole.
+    """A render's file. sheet: its photo is beside it, on the left.
 
     split: that it is of, or None.
     """
 
     path: Path
-    part: str | None = None
+    sheet: bool = False
     split: str | None = None
+
+    def half(self, image):
+        """What is the render in an image of the file."""
+        return image[:, image.shape[1] // 2 :] if self.sheet else image
+
+    @property
+    def size(self):
+        """(width, height) of the render; ValueError of a sheet without halves."""
+        width, height = photos.head(self.path).size
+        if self.sheet and width % 2:
+            raise ValueError(
+                f"{self.path}: {width}x{height} px: a photo and its render are of "
+                "one size"
+            )
+        return width // 2 if self.sheet else width, height
 
 
 class Found(NamedTuple):
     """The renders {view: Render} of a folder, and in words how they are laid out.
 
-    order: the views as they are counted. left_out: paths that are of no view.
+    left_out: paths that are of no view.
     """
 
     renders: dict
     layout: str
-    order: list
     left_out: list
 
 
@@ -51,79 +64,48 @@ class Group(NamedTuple):
     """Numbered renders [(number, path)] of the views of a split; of all where None.
 
     is_of: {view: split that it is then said to be of, or None}. by_rank: numbers begin
-    anywhere, so that there have to be as many renders as views. part: as of `Render`.
+    anywhere, so that there have to be as many renders as views. sheet: as of `Render`.
     """
 
     counted: str | None
     paths: list
     is_of: dict
     by_rank: bool = False
-    part: str | None = None
+    sheet: bool = False
 
 
-def found(folder, files, photo_paths, splits, every, part, layout):
-    """A `Found` for each order of the photos that numbered renders may be in.
+def in_order(photo_paths):
+    """The views as programs count them: by their photos' paths."""
+    return sorted(photo_paths, key=lambda view: photo_paths[view].as_posix())
+
+
+def found(folder, files, photo_paths, splits, every, layout):
+    """A `Found` of numbered renders; None where they are not as many, or named.
 
     photo_paths: {view: path}; splits: {view: split}, or None: one in `every` is held
-    out. layout: a function below. Raises ValueError where numbers are of no view.
+    out. layout: a function below. Raises ValueError where numbers are of no view, and
+    where two renders are of one view.
     """
-    made, fault, by = [], None, orders.of(photo_paths)
-    for how, order in by.items():
-        own = splits or every_nth(order, every)
-        words, groups = layout(folder, files, own)
-        try:
-            renders = of_groups(groups, order, own, photo_paths, part)
-        except ValueError as error:
-            fault = fault or error
-            continue
-        if renders:
-            told = f"{words}, in the order of {how}" if len(by) > 1 else words
-            used = {one.path for one in renders.values()}
-            left = [path for g in groups for _, path in g.paths if path not in used]
-            made.append(Found(renders, told, order, left))
-    if fault and not made:
-        raise fault
-    return made
-
-
-def of_groups(groups, order, splits, photo_paths, part):
-    """{view: Render} of all groups, views in one order; {} where they are not as many.
-
-    Raises ValueError as of `pairs_of`, and where two renders are of one view.
-    """
-    renders = {}
+    order, renders = in_order(photo_paths), {}
+    splits = splits or every_nth(order, every)
+    words, groups = layout(folder, files, splits)
     for group in groups:
         own = [view for view in order if group.counted in (None, splits[view])]
-        part = group.part or part
-        pairs = pairs_of(group, own, photo_paths, part)
-        if not pairs:
-            return {}
-        for path, view in pairs.items():
-            put(renders, view, Render(path, part, group.is_of[view]))
-    return renders
-
-
-def pairs_of(group, own, photo_paths, part):
-    """{path: view} of a group's renders, `own` views in order; [] of too few.
-
-    Where a render or photo is missing among them, pictures tell which. Raises
-    ValueError naming a render whose number is none of a view.
-    """
-    numbers, paths = zip(*sorted(group.paths), strict=True)
-    ways = []
-    if group.by_rank and len(own) == len(paths):
-        ways = [dict(zip(paths, own, strict=True))]
-    elif not group.by_rank and numbers[-1] < len(own):
-        ways = [{path: own[n] for n, path in zip(numbers, paths, strict=True)}]
-    if len(own) != len(paths) and (group.by_rank or numbers[-1] < len(paths)):
-        ways += filter(None, [orders.aligned(own, paths, photo_paths, part)])
-    if not (ways or group.by_rank):
-        views = f"{group.counted} views" if group.counted else "views"
-        raise ValueError(
-            f"{paths[-1]}: there are {len(own)} {views} by the photos' names, so none "
-            f"has the number {numbers[-1]}"
-        )
-    return ways and ways[orders.best(ways, photo_paths, part)]
+        numbers, paths = zip(*sorted(group.paths), strict=True)
+        if group.by_rank:
+            if len(own) != len(paths):
+                return None
+            numbers = range(len(paths))
+        elif numbers[-1] >= len(own):
+            views = f"{group.counted} views" if group.counted else "views"
+            raise ValueError(
+                f"{paths[-1]}: there are {len(own)} {views} by the photos' names, so "
+                f"none has the number {numbers[-1]}"
+            )
+        for number, path in zip(numbers, paths, strict=True):
+            view = own[number]
+            put(renders, view, Render(path, group.sheet, group.is_of[view]))
+    return Found(renders, words, []) if renders else None
 
 
 def put(renders, view, render):
@@ -161,7 +143,7 @@ def sheets(folder, files, splits):
             nearest(split, len(paths), splits),
             paths,
             dict.fromkeys(splits, split),
-            part="right",
+            sheet=True,
         )
         for split, paths in of_split.items()
     ]
@@ -218,7 +200,7 @@ def by_numbers(paths):
     return found if len(found) == len(paths) else {}
 
 
-def with_their_numbers(folder, files, photo_paths, part):
+def with_their_numbers(folder, files, photo_paths):
     """A `Found` of renders that have the numbers of their photos; None of others."""
     own = by_numbers(files)
     views = {path: view for view, path in photo_paths.items()}
@@ -226,10 +208,10 @@ def with_their_numbers(folder, files, photo_paths, part):
     if not own or own.keys() - of_photos.keys():
         return None
     found = {
-        views[of_photos[number]]: Render(path, part, split_of(path, folder))
+        views[of_photos[number]]: Render(path, split=split_of(path, folder))
         for number, path in own.items()
     }
-    return Found(found, "with the photos' numbers", sorted(photo_paths), [])
+    return Found(found, "with the photos' numbers", [])
 
 
 def split_of(path, folder):

@@ -17,7 +17,7 @@ from pathlib import Path, PurePath
 from alignerf.io import faults
 from alignerf.scenes import photo_names, photos
 from alignerf.scenes.capture import video
-from alignerf.scenes.external import layouts, orders
+from alignerf.scenes.external import layouts
 
 log = logging.getLogger("alignerf")
 
@@ -49,8 +49,8 @@ MAX_FILES = 100_000
 def find(folder, photo_paths, splits=None, every=None) -> layouts.Found:
     """The renders of these views in a folder.
 
-    photo_paths: {view: path}, in the order of the cameras' file. splits: {view: split},
-    where the cameras say it. every: one in so many is held out, where that is said.
+    photo_paths: {view: path}. splits: {view: split}, where the cameras say it. every:
+    one in so many is held out, where that is said.
     Raises ValueError naming the folder where there are none, and where two files are of
     one view.
     """
@@ -59,32 +59,31 @@ def find(folder, photo_paths, splits=None, every=None) -> layouts.Found:
     files = [path for path in files if path not in own] or files
     files = of_last(files, photo_paths)
     check_some(folder, files)
-    some = files[0], next(iter(photo_paths.values()))
-    part = orders.part_of(*(photos.head(path).size for path in some))
     if every or len(set((splits or {}).values())) < 2:
         splits = None
     counted = functools.partial(
-        layouts.found, folder, files, photo_paths, splits, every or layouts.EVERY, part
+        layouts.found, folder, files, photo_paths, splits, every or layouts.EVERY
     )
-    if not (made := counted(layouts.sheets) or counted(layouts.gaussians)):
-        one = named(folder, files, photo_paths, part)
-        made = [one] if one.renders else []
-        numbers = all(path.stem.isdecimal() for path in files)
-        # Where some numbers are no photo's name, none may be one.
-        if one.left_out or (numbers and len(one.renders) < len(photo_paths)):
-            of_numbers = layouts.with_their_numbers(folder, files, photo_paths, part)
-            made += [*counted(layouts.numbered), *filter(None, [of_numbers])]
-    if not made:
+    found = counted(layouts.sheets) or counted(layouts.gaussians)
+    if not found:
+        found = named(folder, files, photo_paths)
+        numbers = sorted(layouts.by_numbers(files))
+        # A program counts from 0; fewer than all are of a split, though photos may
+        # have such numbers, too.
+        counts = numbers == [*range(len(files))] and len(files) < len(photo_paths)
+        if found.left_out or (counts and files[0].stem.isdecimal()):
+            ways = [
+                layouts.with_their_numbers(folder, files, photo_paths),
+                counted(layouts.numbered),
+            ]
+            found = next(filter(None, ways[::-1] if counts else ways), found)
+    if not found.renders:
         few = faults.some_names([path.name for path in files])
         raise ValueError(
             f"{folder}: its renders ({few}) are not called like the photos "
-            f"({faults.some_names(sorted(photo_paths))}), and are not as many"
+            f"({faults.some_names(sorted(photo_paths))}), and are not as many: give "
+            "each the name of its photo"
         )
-    pairs = [{one.path: view for view, one in f.renders.items()} for f in made]
-    found = made[orders.best(pairs, photo_paths, part)]
-    if part and "side by side" not in found.layout:
-        beside = "side by side" if part == "right" else "one above the other"
-        found = found._replace(layout=f"{found.layout}, photo and render {beside}")
     if found.left_out:
         few = faults.some_names([path.name for path in found.left_out])
         log.warning("%s: of no photo, and left out: %s", folder, few)
@@ -158,7 +157,7 @@ def of_last(files, photo_paths):
     return [path for path in files if path not in earlier]
 
 
-def named(folder, files, photo_paths, part=None) -> layouts.Found:
+def named(folder, files, photo_paths) -> layouts.Found:
     """Renders that are called like their photos, in one folder or in several.
 
     photo_paths: {view: path}. Raises ValueError where two files are of one view.
@@ -173,8 +172,8 @@ def named(folder, files, photo_paths, part=None) -> layouts.Found:
             strange.append(found.pop(view).path)
         loosest[view] = loose
         split = layouts.split_of(path, folder)
-        layouts.put(found, view, layouts.Render(path, part, split))
-    return layouts.Found(found, "named like the photos", sorted(photo_paths), strange)
+        layouts.put(found, view, layouts.Render(path, split=split))
+    return layouts.Found(found, "named like the photos", strange)
 
 
 class Called:

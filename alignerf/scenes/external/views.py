@@ -17,7 +17,7 @@ import numpy as np
 from alignerf.captures import base
 from alignerf.io import faults, images, json_files
 from alignerf.scenes import loading, photo_names, photos, prepare, prepared
-from alignerf.scenes.external import depths, geometry, layouts, lenses, orders, renders
+from alignerf.scenes.external import depths, geometry, layouts, lenses, renders
 from alignerf.scenes.external import splat as splats
 from alignerf.scenes.formats import colmap_models
 
@@ -60,11 +60,11 @@ def find(config) -> ExternalRenders:
     paths, cameras = taken(config["path"], judged["cameras"], judged["renders"])
     every = config.get("test_every")
     found = renders.find(judged["renders"], paths, cameras.splits, every)
-    of_views = found.renders
     if every:
-        splits = layouts.every_nth(found.order, every)
-        of_views = {n: one._replace(split=splits[n]) for n, one in of_views.items()}
-    found = found._replace(renders=orders.which_half(of_views, paths))
+        splits = layouts.every_nth(layouts.in_order(paths), every)
+        of_views = found.renders.items()
+        of_views = {n: one._replace(split=splits[n]) for n, one in of_views}
+        found = found._replace(renders=of_views)
     without = sorted(set(paths) - set(found.renders))
     if without:
         log.warning(
@@ -78,7 +78,7 @@ def find(config) -> ExternalRenders:
         if name not in odd
     ]
     for pair in pairs:
-        if not pair.render.part and os.path.samefile(pair.photo, pair.render.path):
+        if not pair.render.sheet and os.path.samefile(pair.photo, pair.render.path):
             raise ValueError(f"{pair.render.path}: this render is the photo itself")
     told = {
         "layout": found.layout,
@@ -102,10 +102,10 @@ def held_out(every, found, cameras):
 def taken(folder, file=None, apart=None):
     """({view: path}, `lenses.Cameras` of these views) of a folder of photos.
 
-    file: of the cameras, or their folder; None where nothing is known of them. Views
-    are in the order that it has them in. apart: a folder whose images are no photos,
-    unless there are no others. Photos without a camera are left out with a warning, and
-    so are cameras without a photo. Raises ValueError where none has one.
+    file: of the cameras, or their folder; None where nothing is known of them. apart: a
+    folder whose images are no photos, unless there are no others. Photos without a
+    camera are left out with a warning, and so are cameras without a photo. Raises
+    ValueError where none has one.
     """
     place, paths = photos_of(folder)
     if apart:
@@ -170,7 +170,7 @@ def photos_of(folder):
 
 def one_size(found):
     """(the renders' usual size, names of those of another), sheets counted by half."""
-    sizes = {name: orders.size_of(render) for name, render in found.items()}
+    sizes = {name: render.size for name, render in found.items()}
     usual = prepare.usual_size(list(sizes.values()))
     if min(usual) < prepare.MIN_SIZE_PX:
         path = next(iter(found.values())).path
@@ -227,7 +227,7 @@ def read_render(render: layouts.Render, background=None):
     if background is None and photos.may_be_transparent(render.path):
         # What lies behind shows through.
         counts &= (image == photos.as_stored(render.path, "white")).all(axis=-1)
-    image, counts = (orders.half(one, render.part) for one in (image, counts))
+    image, counts = map(render.half, (image, counts))
     return np.ascontiguousarray(image), counts
 
 
@@ -375,7 +375,7 @@ def pairs_json(judged: ExternalRenders, shown, told):
         lens = shown[pair.name].render_lens
         of_views[pair.name] = {
             "render": str(pair.render.path),
-            "part": pair.render.part,
+            "sheet": pair.render.sheet,
             "lens": lens and [lens[0].tolist(), lens[1].tolist()],
             "depth": told.get("depths", {}).get(pair.name),
         }

@@ -345,16 +345,6 @@ def test_held_out_views_in_other_words_are_refused(here, text):
         judge.main([*options(name="mine"), f"--held-out={text}"])
 
 
-def test_photo_and_render_side_by_side_are_told_by_their_shape(here, runs, capsys):
-    for file in sorted((here / "renders").rglob("*.png")):
-        i = cases.NAMES.index(file.stem)
-        cases.write_png(file, np.concatenate([cases.picture(i)] * 2, axis=1))
-    judge.main(options(name="mine"))
-    assert "photo and render side by side" in capsys.readouterr().out
-    scene = yaml.safe_load((here / "results/mine.yaml").read_text())["scenes"]["mine"]
-    assert views.find(of_scenes.checked(scene)).size == cases.SIZE
-
-
 @pytest.mark.parametrize(
     ("file", "content"),
     [
