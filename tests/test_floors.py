@@ -297,7 +297,7 @@ RAW |= {"yaml.load", "yaml.safe_load", "yaml.compose", "pickle.load", "pickle.lo
 # Methods of any path.
 RAW_METHODS = {"read_text", "read_bytes"}
 READERS = {
-    "alignerf.io.archives": {"gzip.open", "zipfile.ZipFile"},
+    "alignerf.io.archives": {"zipfile.ZipFile"},
     "alignerf.io.csv_files": {"pandas.read_csv"},
     "alignerf.io.images": {"PIL.Image.open"},
     "alignerf.io.json_files": {"json.loads"},

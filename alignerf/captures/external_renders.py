@@ -33,25 +33,15 @@ class ExternalRenders(Keys):
     )
     depth: str | None = key(
         None,
-        "folder of the renders' depth: .npz, .npy, .npy.gz, .tiff, .png of 16 bits; "
-        "null: from the points that cameras came with, else all is far away",
+        "folder of the renders' depth along the optical axis, in the unit of the "
+        "cameras: .npz, .npy; null: from the points that cameras came with, else all "
+        "is far away",
         pattern=r"\S",
     )
     before: str | None = key(
         None,
         "verdict.json of earlier results to compare with",
         pattern=r"\S",
-    )
-    depth_kind: Literal["depth", "distance"] | None = key(
-        None,
-        "depth along the optical axis, or distance along the ray; null: as fits the "
-        "points better",
-    )
-    depth_scale: float | None = key(
-        None,
-        "factor to the unit of the cameras; null: as fits the points",
-        above=0,
-        most=1e30,
     )
 
 

@@ -62,14 +62,12 @@ class ExternalRenders(NamedTuple):
     depth: `given`, of `points`, or `far`; cameras: what told them, `none` where nothing
     did; layout: how the renders lay; before: of a judgement before this one, its name
     and shifts of training and held-out views in px of the photo; None without one.
-    depth_unit: what told the unit of given depth, `nothing` where nothing did.
     """
 
     depth: str
     cameras: str
     layout: str
     before: tuple | None = None
-    depth_unit: str | None = None
 
 
 class Evidence(NamedTuple):

@@ -3,9 +3,10 @@
 PHOTOS: folder of the photos. RENDERS: folder of the program's renders at the same
 cameras, of training and held-out photos; or SPLAT: the .ply of Gaussians, which is
 rendered here. CAMERAS: transforms.json, cameras.json or COLMAP's sparse/0, or the
-folder of one. DEPTH: folder of the renders' depth maps. Nothing is trained. The config,
-results/NAME.yaml, is yours to edit. Renders or photos that have changed get new
-results, which are compared with the last ones of the same photos.
+folder of one. DEPTH: folder of the renders' depth along the optical axis, <photo>.npy,
+in the unit of the cameras. Nothing is trained. The config, results/NAME.yaml, is yours
+to edit. Renders or photos that have changed get new results, which are compared with
+the last ones of the same photos.
 """
 
 import argparse
@@ -24,7 +25,7 @@ from alignerf.experiment.checks import results
 from alignerf.experiment.checks import scenes as of_scenes
 from alignerf.io import atomic, faults, owned, provenance
 from alignerf.scenes import originals, prepared
-from alignerf.scenes.external import depths, lenses, splat, views
+from alignerf.scenes.external import lenses, splat, views
 from alignerf.verdict import evidence
 
 log = logging.getLogger("alignerf")
@@ -139,7 +140,6 @@ def render_splat(name, path, args):
     """
     place, own, files = SPLATS / name, typed.at_home(args.splat), splat_files(args)
     args.renders, args.depth = str(place / "rgb"), str(place / "depth")
-    args.depth_kind, args.depth_scale = "depth", 1.0
     written = [Path("results", "logs"), Path("results", name), place]
     given = {"PHOTOS": args.photos, "SPLAT": args.splat, "CAMERAS": args.cameras}
     results.check_reads({key: str(real(one)) for key, one in given.items()}, written)
@@ -268,9 +268,6 @@ def scene_of(args):
     judged = {key: str(typed.at_home(path)) for key, path in paths.items() if path}
     if args.before:
         judged["before"] = str(Path("results", args.before, "verdict.json"))
-    for key in ("depth_kind", "depth_scale"):
-        if (value := getattr(args, key)) is not None:
-            judged[key] = value
     scene = {"source": "external_renders", "path": str(typed.at_home(args.photos))}
     if args.held_out:
         scene["test_every"] = args.held_out
@@ -343,15 +340,11 @@ def parse(argv=None):
         help="transforms.json, cameras.json or COLMAP's sparse/0, or the folder of "
         f"one; else a field of view of {lenses.ASSUMED_DEGREES:.0f} degrees is assumed",
     )
-    parser.add_argument("--depth", default="", help="folder of the renders' depth maps")
     parser.add_argument(
-        "--depth-kind",
-        choices=depths.KINDS,
-        help="depth along the optical axis, or distance along the ray as nerfacto has "
-        "it; else found out from the cameras' points",
-    )
-    parser.add_argument(
-        "--depth-scale", type=float, help="factor from depth maps to the cameras' unit"
+        "--depth",
+        default="",
+        help="folder of the renders' depth along the optical axis, in the unit of the "
+        "cameras: <photo>.npy",
     )
     parser.add_argument(
         "--held-out",

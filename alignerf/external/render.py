@@ -127,9 +127,7 @@ def of_pairs(loaded: prepared.Scene):
         if coarse is not None:
             depth = coarse(view)
         elif pairs["depth"] == "given" and pair["depth"]:
-            values = depths.as_shown(depths.read(pair["depth"]), pixtocam, size, lens)
-            along = depths.along_axis(values, pairs["depth_kind"], pixtocam)
-            depth = pairs["depth_scale"] * along
+            depth = depths.as_shown(depths.read(pair["depth"]), pixtocam, size, lens)
         else:
             depth = far_away(size)
         return image, scale * depth

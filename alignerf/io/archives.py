@@ -4,7 +4,6 @@ The head of an array says how large it is: it is looked at before any of its val
 """
 
 import contextlib
-import gzip
 import math
 import zipfile
 from pathlib import Path
@@ -103,7 +102,7 @@ def check_size(shape, dtype, held_bytes):
 
 
 def read_numbers(path):
-    """The numbers of an .npy, an .npy.gz or an .npz: of that `depth`, or its only ones.
+    """The numbers of an .npy or an .npz: of that `depth`, or its only ones.
 
     Raises ValueError as `read` does, and, by the head alone, for over MAX_VALUES.
     """
@@ -118,20 +117,13 @@ def read_numbers(path):
                 raise ValueError(f"no array depth among {len(names)}: {few}")
             name = names[0] if len(names) == 1 else "depth.npy"
             file = stack.enter_context(archive.open(name))
-        elif kind == ".gz":
-            file = stack.enter_context(gzip.open(file))
         shape, dtype, _ = read_head(file)
         if dtype.kind not in "fiu":
             raise ValueError(f"{dtype} instead of real numbers")
-        check_count(shape)
+        if math.prod(shape) > MAX_VALUES:
+            raise ValueError(f"{list(shape)} are over {MAX_VALUES:,} values")
         file.seek(0)
         values = np.lib.format.read_array(file, allow_pickle=False)
         if file.read(1):
             raise ValueError("more bytes than its head says")
         return values
-
-
-def check_count(shape):
-    """ValueError where another program's map has too many values."""
-    if math.prod(shape) > MAX_VALUES:
-        raise ValueError(f"{list(shape)} are over {MAX_VALUES:,} values")

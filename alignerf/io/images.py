@@ -1,8 +1,7 @@
 """The pipeline's own images, 8-bit RGB PNGs: one reader, one writer.
 
 Notation: images [h, w, 3] uint8 RGB; `size` is (width, height) in pixels. A user's
-photos are of many more kinds: `scenes.photos` decodes them. `read_numbers` is for maps
-of depth that other programs write as images.
+photos are of many more kinds: `scenes.photos` decodes them.
 """
 
 import contextlib
@@ -12,7 +11,7 @@ import zlib
 import numpy as np
 from PIL import Image, UnidentifiedImageError
 
-from alignerf.io import archives, atomic, faults
+from alignerf.io import atomic, faults
 
 # Photos hardly repeat themselves: runs are found faster than matches, and of the
 # courtyard's photos they make files a tenth smaller.
@@ -70,19 +69,6 @@ def _opened(path, size):
             own, wanted = ("{}x{}".format(*s) for s in (image.size, size))
             raise faults.Named(f"{path}: {own} pixels, not {wanted}")
         yield image
-
-
-def read_numbers(path):
-    """The values [h, w] of a grey PNG of 16 bits, or of a TIFF of 16 or 32.
-
-    Raises ValueError as of `read`, and where there are over archives.MAX_VALUES.
-    """
-    with opened(path, ["PNG", "TIFF"]) as image:
-        # One of 8 bits is a picture.
-        if image.mode[0] not in "IF":
-            raise ValueError(f"mode {image.mode}, not 16 bits and one channel")
-        archives.check_count(image.size)
-        return np.array(image)
 
 
 @contextlib.contextmanager

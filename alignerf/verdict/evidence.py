@@ -22,7 +22,7 @@ from alignerf.verdict import seen, views
 
 # What it takes from a poses.json, and from a timing.json.
 NUMBER, OrNone = json_files.NUMBER, json_files.OrNone
-TEXTS = ("depth", "cameras", "layout", "depth_unit")
+TEXTS = ("depth", "cameras", "layout")
 LENS = dict.fromkeys(Lens._fields, json_files.NUMBER_OR_NONE) | {"changed": [str]}
 LENSES = {"lens": OrNone(dict.fromkeys(("given", "adjusted"), OrNone(LENS)))}
 LENSES |= {"faults": OrNone([{"kind": str, "said": str}])}

@@ -24,12 +24,6 @@ DEPTHS = {
     "far": "Without depth only a camera's rotation and focal length are told, not its "
     "translation, which counts as residual flow.",
 }
-# Of depth whose unit neither points nor the config has told.
-UNKNOWN_UNIT = (
-    " Its unit is unknown, as the cameras came without points: that of the cameras is "
-    "assumed. If it differs, an export moves cameras too far or too little. "
-    '`OPTIONS="--depth-scale X"` says it.'
-)
 
 
 def sentences(e, views, gains=()):
@@ -126,8 +120,7 @@ def crops(e, gains):
 
 def judged(e):
     """Of renders of another program: what could not be told, and why."""
-    unit = UNKNOWN_UNIT * (e.judged.depth_unit == "nothing")
-    found = [DEPTHS[e.judged.depth] + unit]
+    found = [DEPTHS[e.judged.depth]]
     if e.judged.before:
         name, *shifts = e.judged.before
         kinds = ("training photos", "held-out ones")

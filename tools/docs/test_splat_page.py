@@ -92,9 +92,6 @@ def renders(kind, folder):
         image, split = cases.picture(i), "train" if i % 8 else "test"
         if kind == "nerfstudio":
             cases.write_png(folder / split / "rgb" / f"{name}.png", image)
-            depth = folder / split / "raw-depth" / f"{name}.npy"
-            depth.parent.mkdir(parents=True, exist_ok=True)
-            np.save(depth, np.full(SIZE[::-1], 3.0, np.float32))
         elif kind == "gsplat":
             both = np.concatenate([image, image], axis=1)
             cases.write_png(folder / f"val_step29999_{i:04}.png", both)

@@ -41,6 +41,8 @@ RENAMED = {
 REMOVED = {
     "refine_keypoints": ": keypoints are not aligned by patches any more; the second "
     "adjustment of COLMAP's poses is `adjust_again`",
+    "depth_kind": ": `depth` is along the optical axis",
+    "depth_scale": ": `depth` is in the unit of the cameras",
     "dilation": ": the method `aligned_loss: {}` replaces dilated patches",
     "max_rounds": ": `rounds` is a number; two are enough",
     "warm_start": ": each round trains from scratch, as in the paper",

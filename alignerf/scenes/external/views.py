@@ -288,7 +288,7 @@ def load(config, scratch):
     renders_of = [pair.render.path for pair in judged.pairs]
     told["transparent"] = any(map(photos.may_be_transparent, renders_of))
     told["of_splat"] = Path(keys["renders"]).with_name(splats.TOLD).is_file()
-    told |= of_depth(config, judged, views, shown)
+    told |= of_depth(config, judged, views)
     beside = scratch / prepared.BESIDE
     beside.mkdir()
     (beside / "pairs.json").write_text(json.dumps(pairs_json(judged, shown, told)))
@@ -380,7 +380,7 @@ def pairs_json(judged: ExternalRenders, shown, told):
             "depth": told.get("depths", {}).get(pair.name),
         }
     told.pop("depths", None)
-    keys = ("depth", "depth_kind", "depth_scale", "background")
+    keys = ("depth", "background")
     return {"views": of_views} | {key: told.get(key) for key in keys}
 
 
@@ -392,48 +392,18 @@ def read_pairs(scene):
     return json_files.read(path, {"views": dict, "depth": str})
 
 
-def of_depth(config, judged: ExternalRenders, views, shown):
-    """What is told of depth: where it comes from, its kind and unit, and the files."""
-    points = None if views.points is None else views.points[0]
-    if (keys := base.section(config, "external_renders"))["depth"]:
-        return of_given_depth(keys, views, shown, points)
-    if judged.cameras.kind == "none" or points is None:
+def of_depth(config, judged: ExternalRenders, views):
+    """What is told of depth: where it comes from, and the files."""
+    if folder := base.section(config, "external_renders")["depth"]:
+        paths = depths.find(folder, views.names)
+        if missing := [name for name in views.names if name not in paths]:
+            log.warning(
+                "%d of %d views have no depth, and all that they see counts as far "
+                "away: %s",
+                *(len(missing), len(views.names), faults.some_names(missing)),
+            )
+        paths = {name: str(path) for name, path in paths.items()}
+        return {"depth": "given", "depths": paths}
+    if judged.cameras.kind == "none" or views.points is None:
         return {"depth": "far"}
     return {"depth": "points"}
-
-
-def of_given_depth(keys, views, shown, points):
-    """The same where depth came along; keys: those of `external_renders`.
-
-    depth_unit: what told the unit, `points`, `config` or `nothing`.
-    """
-    paths = depths.find(keys["depth"], views.names)
-    if missing := [name for name in views.names if name not in paths]:
-        log.warning(
-            "%d of %d views have no depth, and all that they see counts as far away: "
-            "%s",
-            *(len(missing), len(views.names), faults.some_names(missing)),
-        )
-    cameras = zip(views.names, views.pixtocams, views.camtoworlds, strict=True)
-    size = views.width, views.height
-    by_name = {n: (*camera, size, shown[n].render_lens) for n, *camera in cameras}
-    unit = depths.unit_of(paths, by_name, points)
-    told_by = "nothing" if np.isnan(unit.spread) else "points"
-    if keys["depth_kind"]:
-        unit = unit._replace(kind=keys["depth_kind"])
-    if keys["depth_scale"]:
-        unit, told_by = unit._replace(scale=keys["depth_scale"]), "config"
-    if told_by == "nothing":
-        log.warning(
-            "%s: too few points came with the cameras to tell the unit of depth: it is "
-            "taken for theirs",
-            keys["depth"],
-        )
-    return {
-        "depth": "given",
-        "depth_kind": unit.kind,
-        "depth_scale": unit.scale,
-        "depth_spread": None if np.isnan(unit.spread) else unit.spread,
-        "depth_unit": told_by,
-        "depths": {name: str(path) for name, path in paths.items()},
-    }

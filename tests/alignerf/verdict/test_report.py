@@ -183,9 +183,6 @@ def test_what_was_measured_has_its_numbers():
     assert "under 0.90 px" in said(overfit_px=0.45)
     for depth, words in measured.DEPTHS.items():
         assert words in said(judged=JUDGED._replace(depth=depth))
-    unknown = measured.UNKNOWN_UNIT
-    assert unknown in said(judged=JUDGED._replace(depth_unit="nothing"))
-    assert unknown not in said(judged=JUDGED._replace(depth_unit="points"))
     before = JUDGED._replace(before=("first", 2.4, None))
     assert "in first, it was 2.4 px on" in said(judged=before)
     none = {"test_views": 0, "flow_test_px": math.nan, "psnr_test_db": math.nan}

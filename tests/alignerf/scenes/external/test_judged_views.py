@@ -2,14 +2,13 @@
 
 import json
 
-import cv2
 import numpy as np
 import pytest
 from PIL import Image
 
 from alignerf import poses
 from alignerf.external import render
-from alignerf.scenes import distortion, prepared
+from alignerf.scenes import prepared
 from alignerf.scenes.external import views
 from tests import judged_cases as cases
 
@@ -173,7 +172,7 @@ def test_both_splits_and_their_check(tmp_path):
 
 
 def test_depth_by_the_points_of_the_cameras(tmp_path):
-    """Given depth in another unit, by distance, comes out in that of the scene."""
+    """It is near given depth, and comes out in the unit of the scene alike."""
     config = cases.project(tmp_path)
     rng = np.random.default_rng(0)
     points = rng.uniform([-1, -0.7, -2.2], [2, 0.7, -2.0], (3000, 3))
@@ -191,20 +190,12 @@ def test_depth_by_the_points_of_the_cameras(tmp_path):
         from_points = data["depth"]
     (tmp_path / "depth").mkdir()
     for name in cases.NAMES:
-        # Renders show the lens's distortion, and so does their depth.
-        pixels = np.indices((120, 160))[::-1].reshape(2, -1).T.astype(float)
-        lens = distortion.opencv(cases.CAMTOPIX), cases.LENS
-        at = cv2.undistortPoints(pixels[:, None], *lens)[:, 0].T.reshape(2, 120, 160)
-        distance = 7 * 2.1 * np.sqrt(1 + (at**2).sum(axis=0))
-        np.save(tmp_path / "depth" / f"{name}.npy", distance.astype(np.float32))
+        np.save(tmp_path / "depth" / f"{name}.npy", np.full((120, 160), 2.1))
     other = tmp_path / "other"
     other.mkdir()
     kinds = {"cameras": str(tmp_path / "transforms.json")}
     kinds |= {"depth": str(tmp_path / "depth")}
     given = prepare(other, cases.config(tmp_path, **kinds))
-    told = json.loads((given / "poses.json").read_text())["external_renders"]
-    assert told["depth_kind"] == "distance"
-    np.testing.assert_allclose(told["depth_scale"], 1 / 7, rtol=0.01)
     with np.load(run(given) / "depth" / "train" / "v03.npz") as data:
         np.testing.assert_allclose(data["depth"], from_points, rtol=0.06)
 
@@ -230,17 +221,14 @@ def test_depth_has_the_distortion_that_its_render_has(tmp_path):
     np.testing.assert_array_equal(near[clear], (render < 120)[clear])
 
 
-def test_depth_of_some_views_and_of_no_unit_is_warned_of(tmp_path, caplog):
+def test_depth_of_some_views_is_warned_of(tmp_path, caplog):
     cases.project(tmp_path)
     (tmp_path / "depth").mkdir()
     np.save(tmp_path / "depth" / "v02.npy", np.ones((120, 160)))
     kinds = {"cameras": str(tmp_path / "transforms.json")}
     kinds |= {"depth": str(tmp_path / "depth")}
-    scene = prepare(tmp_path, cases.config(tmp_path, **kinds))
-    told = json.loads((scene / "poses.json").read_text())["external_renders"]
-    assert told["depth_unit"] == "nothing"
+    prepare(tmp_path, cases.config(tmp_path, **kinds))
     assert "7 of 8 views have no depth" in caplog.text
-    assert "too few points came with the cameras" in caplog.text
 
 
 def test_photos_of_several_sizes_and_lenses_go_out_at_one(tmp_path):
