@@ -5,9 +5,7 @@ Gaussian splatting), masks/ where not all pixels count, and a README.txt with th
 commands of these programs. Photos have the size that they came in, undistorted, or a
 smaller --width; those of crops (`crop`), and of a folder without config.yaml where
 --config is missing, the size of training. Where photos are warped, the training views
-have the warped photos. Cameras that have moved bring points of their own. A scene that
-came as LLFF's poses_bounds.npy or as one of NeRF's synthetic scenes is written in that
-format too.
+have the warped photos. Cameras that have moved bring points of their own.
 """
 
 import logging
@@ -26,7 +24,7 @@ from alignerf.exports import (
     readme,
     warps,
 )
-from alignerf.io import archives, atomic, faults, json_files
+from alignerf.io import atomic, faults, json_files
 from alignerf.scenes import originals, prepare, prepared
 
 log = logging.getLogger("alignerf")
@@ -105,7 +103,13 @@ def main(argv=None):
             views=agreeing,
         )
         formats.write_colmap(folder, model, arrays)
-        write_others(folder, arrays, chosen, masked, args.scene)
+        formats.write_transforms(
+            folder / "transforms.json",
+            arrays,
+            masked=masked,
+            points=(folder / formats.POINTS).is_file(),
+            fitted=chosen.fitted,
+        )
         told = readme.text(folder, args, arrays, chosen, of_points, paid=paid)
         (folder / "README.txt").write_text(told, encoding="utf-8")
 
@@ -174,40 +178,6 @@ def is_synthetic(scene):
     if not report.is_file():
         return False
     return prepared.read_poses(scene, prepared.MORE).get("source") == "blender"
-
-
-def write_others(folder, arrays, chosen: Chosen, masked, scene):
-    """Write transforms.json, and the formats that the scene came in, where they can be.
-
-    Else the log says why not.
-    """
-    path = folder / "transforms.json"
-    content = formats.write_transforms(
-        path,
-        arrays,
-        masked=masked,
-        points=(folder / formats.POINTS).is_file(),
-        fitted=chosen.fitted,
-    )
-    try:
-        if is_synthetic(scene):
-            formats.write_blender(folder, arrays, content)
-    except ValueError as error:
-        log.warning("transforms_train.json is not written: %s", error)
-    bounds = Path(scene) / prepared.BOUNDS
-    if bounds.is_file():
-        write_llff(folder / "poses_bounds.npy", arrays, bounds)
-
-
-def write_llff(path, arrays, bounds):
-    """Write poses_bounds.npy, or log why not. bounds: the file of the depths."""
-    depths = archives.read(bounds, ["bounds"])["bounds"]
-    if depths.shape != (len(arrays["names"]), 2):
-        raise ValueError(f"{bounds}: {depths.shape} is not two depths for each view")
-    try:
-        formats.write_llff(path, arrays, depths)
-    except ValueError as error:
-        log.warning("%s is not written: %s", path.name, error)
 
 
 if __name__ == "__main__":

@@ -117,19 +117,12 @@ def write(folder, scratch, views, checked, config, *, photos_too):
     arrays = photos.arrays_of(now)
     model = points.of_matches(arrays, checked, scratch, config["seed"])
     formats.write_colmap(folder, model, arrays)
-    content = formats.write_transforms(
+    formats.write_transforms(
         folder / "transforms.json",
         arrays,
         masked=masked and photos_too,
         points=(folder / formats.POINTS).is_file(),
     )
-    try:
-        if now.bounds is not None:
-            formats.write_llff(folder / "poses_bounds.npy", arrays, now.bounds)
-        if config["source"] == "blender":
-            formats.write_blender(folder, arrays, content)
-    except ValueError as error:
-        log.warning("%s: not written as it came: %s", config["path"], error)
 
 
 def parse(argv=None):

@@ -102,8 +102,6 @@ FILES = {
     "transforms.json": "cameras and split, for nerfstudio and instant-ngp",
     "sparse": "sparse/0: cameras, poses and points, for COLMAP, gsplat and others",
     formats.POINTS: "points",
-    "transforms_train.json": "as NeRF's synthetic scenes have it; _val and _test, too",
-    "poses_bounds.npy": "as LLFF has it",
 }
 
 

@@ -9,8 +9,8 @@ from PIL import Image
 
 from alignerf import export, poses
 from alignerf.io import faults
-from alignerf.scenes import cameras, colmap, prepare, prepared
-from alignerf.scenes.formats import llff, transforms
+from alignerf.scenes import cameras, colmap, prepared
+from alignerf.scenes.formats import transforms
 from alignerf.training import batches
 from tools.bench import cases
 
@@ -76,39 +76,6 @@ def test_points_of_the_poses_come_along(scene, rng):
     )
 
 
-def test_what_came_as_llff_goes_as_llff(scene, moved, rng):
-    """Also where file names sort otherwise than the views' names."""
-    found = prepared.read_cameras(moved)
-    names = found["names"].tolist()
-    found["pixtocams"][2] = found["pixtocams"][0]
-    renamed = ["a", "a-1", "a1", *names[3:]]
-    for name, new in zip(names, renamed, strict=True):
-        (scene / "images" / f"{name}.png").rename(scene / "images" / f"{new}.png")
-    found["names"] = np.array(renamed)
-    np.savez(scene / "cameras.npz", **found)
-    bounds = np.sort(rng.uniform(1, 9, (len(names), 2)), axis=1)
-    np.savez(scene / prepared.BOUNDS, bounds=bounds)
-    code, out = run(scene)
-    assert code == 0
-    views = prepare.sort_by_name(llff.read(out))
-    assert views.names == renamed
-    np.testing.assert_allclose(views.pixtocams, found["pixtocams"], atol=1e-6)
-    np.testing.assert_allclose(views.camtoworlds, found["camtoworlds"], atol=1e-6)
-    np.testing.assert_array_equal(views.bounds, bounds)
-    for i, name in enumerate(renamed):
-        stored = np.asarray(Image.open(scene / "images" / f"{name}.png"))
-        np.testing.assert_array_equal(views.photos[i].read(), stored)
-
-
-def test_lenses_that_llff_cannot_say_are_said(scene, moved, caplog):
-    views = len(prepared.read_cameras(moved)["names"])
-    np.savez(scene / prepared.BOUNDS, bounds=np.ones((views, 2)))
-    code, out = run(scene, "--cameras", moved)
-    assert code == 0
-    assert not (out / "poses_bounds.npy").exists()
-    assert "poses_bounds.npy is not written: the views' lenses differ" in caplog.text
-
-
 def test_a_training_on_the_exported_folder_is_the_one_on_the_scene(scene, tmp_path):
     """Through our own source: a training takes the same photos and cameras."""
     _, out = run(scene)
@@ -126,17 +93,6 @@ def test_a_training_on_the_exported_folder_is_the_one_on_the_scene(scene, tmp_pa
     np.testing.assert_array_equal(first.valid, second.valid)
     np.testing.assert_allclose(first.pixtocams, second.pixtocams, atol=1e-6)
     np.testing.assert_allclose(first.camtoworlds, second.camtoworlds, atol=1e-6)
-
-
-def test_lenses_with_two_focal_lengths_are_said(scene, caplog):
-    found = prepared.read_cameras(scene / "cameras.npz")
-    found["pixtocams"][:, 1, 1] *= 1.01
-    np.savez(scene / "cameras.npz", **found)
-    np.savez(scene / prepared.BOUNDS, bounds=np.ones((len(found["names"]), 2)))
-    code, out = run(scene)
-    assert code == 0
-    assert not (out / "poses_bounds.npy").exists()
-    assert "not written: focal lengths differ" in caplog.text
 
 
 def test_photos_are_handed_on_byte_by_byte(scene):

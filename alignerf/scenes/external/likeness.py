@@ -19,7 +19,7 @@ import numpy as np
 from alignerf.metrics import pairs
 
 # The longest side, and the likeness at least of a splat that shows its photos. Below
-# the last, it may show them turned or mirrored.
+# the last, it may show them mirrored.
 SMALL_PX, SHOWS, SURE = 160, 0.22, 0.35
 # Another photo is nearer by more (of Fisher's z), as the median of up to 12 views: by
 # 0.25 and more with cameras of the next photo, by -0.01 at most of right ones with

@@ -181,29 +181,22 @@ def scale_of(world):
 def world_of(path, gaussians, few, cameras):
     """(name, world, likeness) of the world in which a splat shows the photos best.
 
-    Turns by right angles, as viewers make them, are tried where no known world does.
     Raises ValueError where it shows them mirrored.
     """
     known = dict(known_worlds(path, cameras))
-
-    def best_of(worlds):
-        return max(scored(gaussians, few, worlds), key=lambda one: one[2])
-
-    def turned(hand):
-        for words, turn in right_angles(hand):
-            for name, world in known.items():
-                yield f"{name}, {words}", turn @ world
-
-    first = best = best_of(known.items())
+    best = max(scored(gaussians, few, known.items()), key=lambda one: one[2])
     if best[2] < likeness.SURE:
-        best = max(first, best_of(turned(1)), key=lambda one: one[2])
-    if best[2] < likeness.SURE:
-        mirrored = best_of(turned(-1))
-        if mirrored[2] > max(best[2], likeness.SHOWS):
+        flips = {
+            f"{name}, mirrored in {axis}": np.diag([*1 - 2.0 * np.eye(3)[i], 1]) @ world
+            for name, world in known.items()
+            for i, axis in enumerate("xyz")
+        }
+        flipped = max(scored(gaussians, few, flips.items()), key=lambda one: one[2])
+        if flipped[2] > max(best[2], likeness.SHOWS):
             raise ValueError(
-                f"{path}: it or the photos are mirrored ({mirrored[0]}): {AS_TRAINED}"
+                f"{path}: it or the photos are mirrored ({flipped[0]}): {AS_TRAINED}"
             )
-    return best if best[2] >= likeness.SHOWS else first
+    return best
 
 
 def check_shown(path, gaussians, seen, world, shows):
@@ -309,19 +302,6 @@ def similarity(own, theirs):
     world[:3, :3] = to_spread / spread * turn
     world[:3, 3] = to_middle - world[:3, :3] @ middle
     return world
-
-
-def right_angles(hand):
-    """(words, turn [4, 4]) of the 24 that put axes on axes; of hand -1 they mirror."""
-    for order in itertools.permutations(range(3)):
-        for signs in itertools.product((1.0, -1.0), repeat=3):
-            turn = np.eye(4)
-            turn[:3, :3] = np.diag(signs)[:, order]
-            words = "its axes turned" + " and mirrored" * (hand < 0)
-            if order == (0, 1, 2) and sum(signs) == 1:
-                words = f"mirrored in {'xyz'[np.argmin(signs)]}"
-            if np.linalg.det(turn) * hand > 0:
-                yield words, turn
 
 
 def options_of(gaussians, few, world, longest_px):
