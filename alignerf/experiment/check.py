@@ -8,7 +8,6 @@ from alignerf import methods
 from alignerf.captures import base
 from alignerf.experiment import schema
 from alignerf.experiment.checks import (
-    fetched,
     filled,
     models,
     names,
@@ -161,7 +160,7 @@ def leave_out_weights(config, tell):
 
     def missing(key, path, instead):
         there = is_there(path or "", of_kind=Path.is_file)
-        if path is None or there or fetched.by_rule(path):
+        if path is None or there:
             return False
         line = f"{key}: {path} does not exist: {instead}"
         if tell and line not in TOLD:

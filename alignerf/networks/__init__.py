@@ -1,5 +1,5 @@
 """Published networks with fixed weights, without PyTorch.
 
 VGG-19's first block is in `convnet`, of which the `backbones` of LPIPS are built;
-`weights` makes their .npz from the published files, which `torch_files` reads.
+`tools.convert_weights` makes their .npz from the published files.
 """

@@ -128,7 +128,7 @@ def options_of(module):
 COMMANDS = {name: of for name, of in why_blurry.COMMANDS.items() if name != "show"}
 
 
-@pytest.mark.parametrize("module", [*COMMANDS.values(), "alignerf.networks.weights"])
+@pytest.mark.parametrize("module", COMMANDS.values())
 def test_every_option_says_what_it_means(module):
     options = options_of(module)
     assert options

@@ -188,10 +188,9 @@ def test_the_papers_own_size_is_planned_without_its_data(
     experiment = experiments_of([target], small=False).by_name[target]
     jobs = check_target(output, target, experiment, experiment.captures())
     assert jobs["train"] == AT_FULL_SIZE[target]
-    # Of the VGG-19 for the loss, and of LPIPS' VGG-16.
     photos = {s["path"] for s in experiment.scenes.values() if s.get("path")}
     fetched = {name: count for name, count in jobs.items() if "download" in name}
-    assert fetched == {"download_scene": len(photos) or 1, "download_weights": 2}
+    assert fetched == {"download_scene": len(photos) or 1}
     assert not list(tmp_path.glob("**/360_v2*"))
 
 

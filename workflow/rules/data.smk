@@ -1,9 +1,8 @@
-# Photos of the paper's scenes and weights of networks that are missing. What a user has
-# put there is no rule's output, so it is never deleted or downloaded again. Each scene
-# is a job of its own, since a failing job loses its outputs; one at a time, since they
-# share an archive. On a cluster they run where Snakemake does: nodes may have no network.
+# Photos of the paper's scenes that are missing. What a user has put there is no rule's
+# output, so it is never deleted or downloaded again. Each scene is a job of its own,
+# since a failing job loses its outputs; one at a time, since they share an archive. On a
+# cluster they run where Snakemake does: nodes may have no network.
 missing_scenes = check.or_exit(fetched.scenes)
-missing_weights = fetched.weights()
 
 
 rule download_360_v2:
@@ -27,23 +26,3 @@ rule download_scene:
     threads: 10_000  # all that there are
     shell:
         "python -m alignerf.scenes.download {output:q} 2>&1 | tee {log:q}"
-
-
-rule download_weights:
-    """Download the weights of a network for LPIPS or the high-frequency loss"""
-    output:
-        local("weights/{network}.npz"),
-    log:
-        "results/logs/download_{network}_weights.log",
-    wildcard_constraints:
-        network=plan.one_of(
-            one[len("weights/") : -len(".npz")] for one in missing_weights
-        ),
-    localrule: True
-    conda:
-        "../../environment.yml"
-    params:
-        network=lambda w: missing_weights[f"weights/{w.network}.npz"],
-    shell:
-        "python -m alignerf.networks.weights {params.network:q} --out {output:q}"
-        " 2>&1 | tee {log:q}"

@@ -11,10 +11,6 @@ ARCHIVES = {
     ),
     "360_extra_scenes.zip": ("flowers", "treehill"),
 }
-# Path of a network's weights -> what `alignerf.networks.weights` calls them.
-WEIGHTS = {"weights/vgg19.npz": "frequency"} | {
-    f"weights/lpips_{net}.npz": f"lpips_{net}" for net in ("alex", "squeeze", "vgg")
-}
 
 
 def folder():
@@ -31,11 +27,6 @@ def scenes():
     return [p for name in names if not os.path.lexists(p := f"{folder()}/{name}")]
 
 
-def weights():
-    """{path: what} of the weights that are not there."""
-    return {p: what for p, what in WEIGHTS.items() if not os.path.lexists(p)}
-
-
 def by_rule(path):
     """Whether a path is not there, and a rule fetches it."""
-    return path in scenes() or path in weights()
+    return path in scenes()
