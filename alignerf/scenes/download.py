@@ -1,33 +1,29 @@
 """A scene of mip-NeRF 360, fetched: `python -m alignerf.scenes.download 360_v2/garden`.
 
-Its archive (12 or 4 GB) is fetched beside the scene's folder, as NAME.fetched, and is
-gone once all its scenes are there. One that a user has put there is taken, and stays. A
-stopped download goes on.
+curl fetches its archive (12 or 4 GB) beside the scene's folder, as NAME.fetched, and
+goes on where it has stopped. The archive is gone once all its scenes are there. One
+that a user has put there is taken, and stays.
 """
 
 import argparse
 import hashlib
 import os
+import subprocess
 import zipfile
 import zlib
 from pathlib import Path, PurePosixPath
 
 from alignerf.experiment.checks import fetched
-from alignerf.io import atomic, downloads, faults, progress
+from alignerf.io import atomic, faults, progress
 
 BUCKET = "https://storage.googleapis.com/gresearch/refraw360"
-# No SHA-256 of them is published. The MD5 is the one that the bucket gives. Of the
-# second archive none was found: the first one that a scene comes from is noted.
-ARCHIVES = (
-    downloads.Published(
-        f"{BUCKET}/360_v2.zip",
-        12_535_427_936,
-        "cef2ef3aeaf0c062dbe65130bc249870",
-        "md5",
-    ),
-    downloads.Published(f"{BUCKET}/360_extra_scenes.zip", 4_488_140_217, None),
-)
-MAX_NOTE = 1000
+# Bytes, and the MD5 that the bucket gives: no SHA-256 is published, and of the second
+# archive no hash at all.
+ARCHIVES = {
+    "360_v2.zip": (12_535_427_936, "cef2ef3aeaf0c062dbe65130bc249870"),
+    "360_extra_scenes.zip": (4_488_140_217, None),
+}
+CURL = "curl --fail --location --proto =https --continue-at - --progress-bar --output"
 LICENCE = (
     "mip-NeRF 360's photos (Barron et al., CVPR 2022): no licence is published with "
     "them; https://jonbarron.info/mipnerf360 says whom to ask"
@@ -40,7 +36,7 @@ def main(argv=None):
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("scene", type=Path, metavar="360_v2/NAME")
     scene = parser.parse_args(argv).scene
-    found = [one for one in ARCHIVES if scene.name in fetched.ARCHIVES[one.name]]
+    found = [name for name in ARCHIVES if scene.name in fetched.ARCHIVES[name]]
     if not found:
         raise ValueError(f"{scene}: {scene.name} is no scene of mip-NeRF 360")
     if not os.path.lexists(scene):
@@ -48,35 +44,41 @@ def main(argv=None):
         bring(scene, *found)
 
 
-def bring(scene, published):
+def bring(scene, name):
     """Fetch the archive of a scene and unpack it."""
     folder = scene.parent
     folder.mkdir(parents=True, exist_ok=True)
-    try:
-        path = downloads.fetch(published, folder)
-    except ValueError as error:
-        raise ValueError(
-            f"{error}: the same command goes on from there; or fetch it by other means "
-            f"and put it to {folder / published.name}, or the scene to {scene}"
-        ) from None
-    noted = folder / f"{published.name}.sha256"
-    if published.hash is None and noted.is_file():
-        wanted = faults.text(noted, MAX_NOTE).strip()
-        published = published._replace(hash=wanted, kind="sha256")
-    try:
-        downloads.check(path, published)
-    except ValueError as error:
-        raise ValueError(f"{error}: delete it, and run this again") from None
+    path = fetch(folder / name, *ARCHIVES[name])
     with atomic.scratch_folder(folder) as scratch:
         unpack(path, scene.name, scratch)
         (scratch / scene.name).rename(scene)
-    if published.hash is None:
-        with atomic.replace_file(noted) as note, faults.opened(path) as archive:
-            note.write_text(hashlib.file_digest(archive, "sha256").hexdigest() + "\n")
-    others = fetched.ARCHIVES[published.name]
-    is_theirs = path.name == published.name
-    if not is_theirs and all(os.path.lexists(folder / name) for name in others):
+    others = (os.path.lexists(folder / other) for other in fetched.ARCHIVES[name])
+    if path.name != name and all(others):
         path.unlink()
+
+
+def fetch(path, size, md5):
+    """Path of an archive, a user's own or fetched; ValueError where it is another."""
+    if not os.path.lexists(path):
+        url, own = f"{BUCKET}/{path.name}", path
+        path = path.with_name(f"{path.name}.fetched")
+        if path.is_symlink():
+            raise ValueError(f"{path}: a link, and nothing is written through one")
+        # Of a whole file a server refuses to send more.
+        if not path.exists() or path.stat().st_size < size:
+            try:
+                subprocess.run([*CURL.split(), path, url], check=True)
+            except (OSError, subprocess.CalledProcessError) as error:
+                raise ValueError(
+                    f"{url}: {error.__class__.__name__}: the same command goes on from "
+                    f"there; or fetch it by other means and put it to {own}"
+                ) from None
+    with faults.opened(path) as file:
+        if path.stat().st_size != size or (
+            md5 and hashlib.file_digest(file, "md5").hexdigest() != md5
+        ):
+            raise ValueError(f"{path}: not as published: delete it, and run this again")
+    return path
 
 
 def unpack(path, name, folder):
