@@ -14,12 +14,9 @@ from alignerf.io import faults, owned
 from tools.bench import cases, report
 
 ROOT = pathlib.Path(__file__).resolve().parents[2]
-USUAL = ("speed", "quality", "grid", "job", "memory", "scale", "split", "align")
+USUAL = ("speed", "memory")
 # They take hours, or gigabytes: only where they are asked for.
-LONG = (
-    *("clusters", "decided", "kernels", "pairs", "parts", "photos"),
-    *("planning", "roofline", "systems"),
-)
+LONG = ("clusters", "pairs", "photos", "planning")
 
 
 def main(argv=None):
@@ -29,9 +26,6 @@ def main(argv=None):
     parser.add_argument("--repeats", type=int, default=7, help="odd: a median of")
     parser.add_argument("--quick", action="store_true", help="tiny sizes: does it run")
     parser.add_argument("--data", type=pathlib.Path, default=_data())
-    parser.add_argument(
-        "--limit-s", type=float, default=900.0, help="training time to quality, at most"
-    )
     parser.add_argument(
         "--results",
         type=pathlib.Path,
@@ -48,7 +42,6 @@ def main(argv=None):
         repeats=args.repeats,
         quick=args.quick,
         data=args.data,
-        limit_s=args.limit_s,
         out=args.out,
         results=args.results,
         method=args.method,

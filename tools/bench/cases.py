@@ -10,8 +10,7 @@ import pathlib
 import numpy as np
 
 from alignerf.experiment import jobs
-from alignerf.scenes import cameras, prepare, prepared
-from alignerf.scenes.formats import transforms
+from alignerf.scenes import prepare
 
 NEAR, FAR = 0.2, 1e6
 SAMPLES = [64, 64, 32]
@@ -25,7 +24,6 @@ class Options:
     repeats: int
     quick: bool
     data: pathlib.Path
-    limit_s: float
     out: pathlib.Path
     # Of `pairs`: a run's results, and the method whose renders are checked.
     results: pathlib.Path | None = None
@@ -113,12 +111,6 @@ class Photos:
     pixtocams: np.ndarray  # [n, 3, 3]
     camtoworlds: np.ndarray  # [n, 3, 4]
 
-    def take(self, chosen):
-        """Some of the views."""
-        return Photos(
-            self.images[chosen], self.pixtocams[chosen], self.camtoworlds[chosen]
-        )
-
 
 def orbit(count=8, width=64, height=64) -> Photos:
     """Cameras on a circle that look at its centre; the colours are noise."""
@@ -134,20 +126,6 @@ def orbit(count=8, width=64, height=64) -> Photos:
         pixtocams=np.tile(np.linalg.inv(camtopix), (count, 1, 1)),
         camtoworlds=camtoworlds,
     )
-
-
-def fox(data, factor):
-    """(training, test) photos of fox, made smaller; every 8th view is held out."""
-    found, _ = transforms.read(pathlib.Path(data) / "scenes" / "fox")
-    views = prepare.downscale(prepare.sort_by_name(found), factor)
-    camtoworlds = cameras.frame_of(views.camtoworlds).normalised(views.camtoworlds)
-    photos = Photos(
-        images=np.stack([views.photos[i].read() for i in range(len(views.names))]),
-        pixtocams=views.pixtocams,
-        camtoworlds=camtoworlds,
-    )
-    split = prepare.split_views(len(views.names), test_every=8)
-    return tuple(photos.take(np.flatnonzero(split == name)) for name in prepared.SPLITS)
 
 
 def write_scene(folder, photos: Photos):

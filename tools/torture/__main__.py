@@ -1,11 +1,11 @@
 """`make torture`: the attack on the program, and its report.
 
 Parts: inputs (a finished chain's files, folders of photos, configs and jobs), folders
-(grown from the seed), names, arguments, environments, numbers, kills, machines (disks,
-signals, memory), surfaces (splats, the Python API, YAML, plug-ins, downloads, what is
-removed). Writes report.csv, with counts by outcome, and findings.txt; exits
-with 1 where anything was found. It ends within 20 minutes on two cores: each part tries
-its cases in an order by the seed until its share of the minutes is used.
+(grown from the seed), names, arguments, numbers, kills, machines (disks, signals,
+memory), surfaces (splats, the Python API, YAML, plug-ins, what is removed). Writes
+report.csv, with counts by outcome, and findings.txt; exits with 1 where anything was
+found. It ends within 20 minutes on two cores: each part tries its cases in an order by
+the seed until its share of the minutes is used.
 """
 
 import argparse
@@ -110,9 +110,6 @@ def parse(argv=None):
     )
     parser.add_argument("--kills", type=int, default=50)
     parser.add_argument("--training-kills", type=int, default=16, help="of each kind")
-    parser.add_argument(
-        "--environments", type=int, default=40, help="stages under one each"
-    )
     parser.add_argument("--names", type=int, default=2000, help="of folders and views")
     args = parser.parse_args(argv)
     args.work = args.out = args.out.absolute()

@@ -9,7 +9,6 @@ import contextlib
 import functools
 import math
 import random
-import shutil
 import subprocess
 import sys
 import tempfile
@@ -23,11 +22,9 @@ import yaml
 from alignerf.experiment import check
 from tools.torture import (
     arguments,
-    captures,
     chains,
     configs,
     damage,
-    environments,
     grown,
     interrupts,
     machines,
@@ -106,30 +103,6 @@ def of_stages(reference, args, clock):
         # A judgement's stages end sooner.
         among = {"a judgement": 4}.get(what, 1)
         yield attacked(f"files of {what}", attack, cases, args, clock, among=among)
-
-
-def of_captures(reference, args, clock):
-    """Every file of a folder of each source, in every way."""
-    for number, source in enumerate(captures.SOURCES):
-        whole = args.work / "capture"
-        shutil.rmtree(whole, ignore_errors=True)
-        base = captures.make(source, reference.folder, whole / "whole")
-        folder = base.parent if source == "photos" else base
-        cases = list(captures.cases(source, folder))
-
-        def attack(case, place, rng, source=source):
-            path, name, way = case
-            found, ended = captures.attack(
-                source, path, way, reference.folder, place, rng
-            )
-            if ended is None:
-                return False
-            return found and f"{path}, {name}: {found}"
-
-        left = len(captures.SOURCES) - number
-        what = f"a folder of {source}"
-        yield attacked(what, attack, cases, args, clock, among=left)
-        shutil.rmtree(whole)
 
 
 def of_folders(reference, args, clock):
@@ -221,33 +194,6 @@ def of_arguments(reference, args, clock):
         yield attacked(f"commands of {what}", attack, cases, args, clock, among=among)
 
 
-def of_environments(reference, args, clock):
-    """Stages of the chain, each under variables drawn at random."""
-    choice, known = random.Random(args.seed), environments.variables()
-    found = [
-        (stage, folder)
-        for folder, every in stages_of(reference, args).values()
-        for stage in every
-    ]
-    cases = [
-        (*choice.choice(found), environments.drawn(choice, known))
-        for _ in range(args.environments)
-    ]
-
-    def attack(case, place, rng):
-        stage, folder, environment = case
-
-        def bad(variables):
-            return environments.attack(stage, variables, folder, place)
-
-        if not bad(environment):
-            return None
-        least = environments.smallest(environment, bad)
-        return f"{stage.module}, {least}: {bad(least)}"
-
-    yield attacked("variables of the environment", attack, cases, args, clock)
-
-
 def of_names(reference, args, clock):
     """Names of folders and of views, made of parts that some reader trips over."""
     choice = random.Random(args.seed)
@@ -336,10 +282,8 @@ PARTS = {
     "names": of_names,
     "trees": of_trees,
     "surfaces": of_surfaces,
-    "captures": of_captures,
     "folders": of_folders,
     "arguments": of_arguments,
-    "environments": of_environments,
     "stages": of_stages,
     "kills": of_kills,
     "machines": of_machines,
@@ -355,11 +299,9 @@ SHARES = {
     "names": 0.25,
     "trees": 0.5,
     "surfaces": 2.25,
-    "captures": 1.5,
-    "folders": 1.5,
+    "folders": 3,
     "arguments": 1.5,
-    "environments": 0.5,
-    "stages": 2,
+    "stages": 2.5,
     "kills": 6,
     "machines": 3,
 }

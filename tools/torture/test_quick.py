@@ -3,7 +3,6 @@
 Files of a finished chain are damaged in tests/workflow/test_chain.py.
 """
 
-import json
 import random
 import re
 
@@ -12,45 +11,9 @@ import pytest
 import yaml
 
 from alignerf.training import loop
-from tools.torture import captures, chains, configs, numbers, running
+from tools.torture import chains, configs, numbers, running
 
-COURTYARD = yaml.safe_load(chains.CONFIG)["scenes"][chains.SCENE]
-# Of each source, all of the others in `make torture`.
-CASES = 25
 FUNCTIONS = ("contract_spheres", "alpha_weights", "clip_per_network", "harmonics")
-
-
-@pytest.fixture(scope="module")
-def chain(tmp_path_factory):
-    """A folder with what captures are made of: a scene, and its export."""
-    folder = tmp_path_factory.mktemp("chain")
-    scene = f"results/{chains.SCENE}"
-    for words in (
-        ["alignerf.poses", "--config", json.dumps(COURTYARD), "--out", scene],
-        [
-            *("alignerf.export", "--scene", scene),
-            *("--cameras", f"{scene}/cameras.npz"),
-            *("--out", f"{scene}/base/export/cameras"),
-        ],
-    ):
-        ended = running.in_process(["python", "-m", *words], folder)
-        assert ended.code == 0, ended.output
-    return folder
-
-
-@pytest.mark.parametrize("source", [s for s in captures.SOURCES if s != "photos"])
-def test_damaged_captures_are_refused_or_right(source, chain, tmp_path, rng):
-    base = captures.make(source, chain, tmp_path / "whole")
-    whole = captures.pose(source, base, tmp_path, running.in_process)
-    assert whole.code == 0, whole.output
-    cases = list(captures.cases(source, base))
-    found = []
-    for path, name, way in random.Random(0).sample(cases, CASES):
-        place, run = tmp_path / "place", running.in_process
-        fault, _ = captures.attack(source, path, way, chain, place, rng, run=run)
-        if fault:
-            found.append(f"{path}, {name}: {fault}")
-    assert found == []
 
 
 def test_hostile_values_of_a_config_are_refused_or_planned():

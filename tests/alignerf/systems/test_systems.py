@@ -66,7 +66,6 @@ PUBLISHED = [
 
 @pytest.mark.parametrize("model", PUBLISHED, ids=lambda model: model["kind"])
 def test_a_step_of_the_published_size_can_be_traced(model):
-    """Its compiled step is timed by `make bench BENCH="--only systems"`."""
     method, shapes = made(**model)
 
     def loss(params, batch):
