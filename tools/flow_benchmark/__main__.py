@@ -1,7 +1,7 @@
 """How right and how fast the flow estimators are, where the flow is known.
 
-    python -m tools.flow_benchmark [--csv CSV --tex TEX --figure PNG]
-        [--middlebury DIR] [--scene DIR --renders METHOD/round0 ... [--split test]]
+    python -m tools.flow_benchmark [--csv CSV] [--middlebury DIR]
+        [--scene DIR --renders METHOD/round0 ... [--split test]]
         [--methods NAME ...]
 
 Data: Middlebury's sequences, scikit-image's stereo pair, photographs warped by smooth
@@ -13,10 +13,8 @@ Middlebury's are those of --middlebury, else of $ALIGNERF_DATA/flow: a folder of
 
 import argparse
 import itertools
-import json
 import logging
 import os
-import subprocess
 import sys
 import time
 from pathlib import Path
@@ -25,10 +23,9 @@ import cv2
 import numpy as np
 import pandas as pd
 
-from alignerf.io import faults, progress
+from alignerf.io import atomic, faults, progress, provenance
 from flow.estimation import estimate
 from tools.flow_benchmark import pairs as benchmark_pairs
-from tools.flow_benchmark import tables as benchmark_tables
 
 log = logging.getLogger("alignerf")
 
@@ -37,12 +34,10 @@ DATA = "ALIGNERF_DATA"
 WITHIN_PX = {"within_025": 0.25, "within_050": 0.5, "within_100": 1.0}
 SCORES = ("epe_px", *WITHIN_PX)
 COLUMNS = ("data", "method", "match_blur", "pairs", *SCORES, "mpx_per_s", "note")
-# The pair whose time and memory the log tells: the paper's largest photos.
-LARGE_PX = (2560, 1680)
 
 
 def main(
-    outputs,
+    csv,
     *,
     methods,
     middlebury=None,
@@ -53,7 +48,7 @@ def main(
 ):
     """Score methods with and without blur matching; returns the table.
 
-    outputs: {"csv", "tex", "figure"}: paths, written together. methods: names.
+    csv: path, written, with its provenance beside it. methods: names.
     middlebury, scene: folders, or None; renders: the scene's, see
     `benchmark_pairs.scene`. configs: the scene's, for the table's provenance. Raises
     ValueError or OSError.
@@ -68,8 +63,17 @@ def main(
     table = pd.DataFrame(rows, columns=COLUMNS)
     order = {data: i for i, data in enumerate(dict.fromkeys(p.data for p in pairs))}
     table = table.sort_values("data", key=lambda c: c.map(order), kind="stable")
-    benchmark_tables.write(table, outputs, configs=configs)
+    write(table, csv, configs)
     return table
+
+
+def write(table, csv, configs):
+    """Write the CSV and its provenance, or neither."""
+    origin = provenance.describe([], configs, devices=[provenance.processor()])
+    beside = provenance.path_beside(csv)
+    with atomic.replace_file(csv) as path, atomic.replace_file(beside) as told:
+        table.to_csv(path, index=False, float_format="%.6g")
+        told.write_text(provenance.as_json(origin))
 
 
 def find_sources(middlebury, scene, renders, split):
@@ -145,45 +149,11 @@ def score(found_px, true_px, known):
     return [miss_px.mean(), *((miss_px <= px).mean() for px in WITHIN_PX.values())]
 
 
-def large_pair(method):
-    """What a pair of LARGE_PX costs, measured in a process of its own."""
-    width, height = LARGE_PX
-    size = ["--width", str(width), "--height", str(height)]
-    done = subprocess.run(
-        [
-            sys.executable,
-            "-m",
-            "tools.flow_benchmark.large_pair",
-            "--method",
-            method,
-            *size,
-        ],
-        capture_output=True,
-        text=True,
-        check=False,
-    )
-    if done.returncode:
-        raise ValueError(f"large_pair ended with {done.returncode}: {done.stderr}")
-    return json.loads(done.stdout)
-
-
-def say_large_pair(method):
-    """Print what a pair of LARGE_PX costs."""
-    cost = large_pair(method)
-    size = "{}x{}".format(*LARGE_PX)
-    print(
-        f"one pair of {size} by {method}, blur matched: "
-        f"{cost['time_s']} s, {cost['cpu_time_s']} s of processor time, "
-        f"{cost['peak_mib']} MiB at the peak"
-    )
-
-
 def parse(arguments=None):
     """Arguments of the command line."""
     parser = argparse.ArgumentParser(prog="tools.flow_benchmark", description=__doc__)
-    for name, suffix in (("csv", "csv"), ("tex", "tex"), ("figure", "png")):
-        path = Path(f"results/flow_benchmark.{suffix}")
-        parser.add_argument(f"--{name}", type=Path, default=path, help="written")
+    csv = Path("results/flow_benchmark.csv")
+    parser.add_argument("--csv", type=Path, default=csv, help="written")
     parser.add_argument("--middlebury", type=Path, help=f"else ${DATA}/flow")
     parser.add_argument("--scene", type=Path, help="with truth/ and renders")
     parser.add_argument(
@@ -195,9 +165,6 @@ def parse(arguments=None):
     parser.add_argument("--split", choices=("train", "test"), default="test")
     names = list(estimate.METHODS)
     parser.add_argument("--methods", nargs="+", choices=names, default=names)
-    parser.add_argument(
-        "--large", action=argparse.BooleanOptionalAction, default=True, help="time one"
-    )
     options = parser.parse_args(arguments)
     if (options.scene is None) == bool(options.renders):
         parser.error("--scene and --renders go together")
@@ -206,16 +173,7 @@ def parse(arguments=None):
 
 def run(arguments=None):
     """The command line; returns its exit code."""
-    options = vars(parse(arguments))
-    outputs = {name: options.pop(name) for name in ("csv", "tex", "figure")}
-    large = options.pop("large")
-
-    def call():
-        main(outputs, **options)
-        if large:
-            say_large_pair(estimate.DEFAULT)
-
-    return faults.exit_code(call)
+    return faults.exit_code(main, **vars(parse(arguments)))
 
 
 if __name__ == "__main__":

@@ -8,9 +8,7 @@ import pytest
 from alignerf.io import images
 from flow.warping import files, warp
 from tools.flow_benchmark import __main__ as benchmark
-from tools.flow_benchmark import large_pair
 from tools.flow_benchmark import pairs as benchmark_pairs
-from tools.flow_benchmark import tables as benchmark_tables
 
 FLOW_PX = (3, -2)
 COFFEE = {"coffee": benchmark_pairs.PHOTOS["coffee"]}
@@ -124,11 +122,7 @@ def test_score_by_hand():
 
 
 def arguments(out, *more):
-    outputs = (f"--{kind}={out / name}" for kind, name in NAMES.items())
-    return [*outputs, "--no-large", "--methods", "dis_fast", "dis_medium", *more]
-
-
-NAMES = {"csv": "b.csv", "tex": "b.tex", "figure": "b.png"}
+    return [f"--csv={out / 'b.csv'}", "--methods", "dis_fast", "dis_medium", *more]
 
 
 def test_the_whole_table(few, middlebury, scene, tmp_path, caplog):
@@ -152,11 +146,6 @@ def test_the_whole_table(few, middlebury, scene, tmp_path, caplog):
     assert scores["middlebury", "dis_fast", False] < 0.5
     assert scores["yard round0", "dis_fast", True] < 0.5
     assert scores["overfit yard round0", "dis_fast", True] < 0.5
-    tex = (tmp_path / "out" / "b.tex").read_text()
-    assert tex.count(r"\toprule") == tex.count(r"\bottomrule") == 2
-    assert r"dis\_fast" in tex
-    assert r"\bfseries" in tex
-    assert cv2.imread(str(tmp_path / "out" / "b.png")).shape[1] > 1000
     assert "left out: the stereo pair, no network" in caplog.text
     assert "left out: Middlebury" not in caplog.text
 
@@ -206,21 +195,6 @@ def test_no_path_leads_out_of_the_checkout(root):
             assert "../" not in path.read_text(), path
 
 
-def test_a_method_that_refuses_data_has_no_mean_in_the_figure(monkeypatch):
-    """The data that it takes may be the easier ones."""
-    rows = [
-        {"data": data, "method": method, "match_blur": False, "pairs": 1}
-        | dict.fromkeys((*benchmark.SCORES, "mpx_per_s"), 0.5)
-        for data in ("one", "two")
-        for method in ("tvl1", "simpleflow")
-    ]
-    table = pd.DataFrame(rows, columns=benchmark.COLUMNS)
-    table.loc[3, list(benchmark.SCORES)] = np.nan
-    _, right = benchmark_tables.draw(table).axes
-    means_px = [line.get_ydata()[0] for line in right.lines]
-    np.testing.assert_array_equal(means_px, [0.5, np.nan])
-
-
 def test_a_refusal_leaves_the_scores_empty_and_is_noted(tmp_path):
     flat = np.full((40, 50, 3), 7, np.uint8)
     photo = small_texture(40, 50, 0)
@@ -235,9 +209,8 @@ def test_a_refusal_leaves_the_scores_empty_and_is_noted(tmp_path):
         | dict.fromkeys((*benchmark.SCORES, "mpx_per_s"), 0.5),
     ]
     table = pd.DataFrame(rows, columns=benchmark.COLUMNS)
-    benchmark_tables.write(table, {k: tmp_path / name for k, name in NAMES.items()})
+    benchmark.write(table, tmp_path / "b.csv", ())
     assert pd.read_csv(tmp_path / "b.csv")["epe_px"].isna().tolist() == [True, False]
-    assert "--" in (tmp_path / "b.tex").read_text()
 
 
 @pytest.mark.parametrize(
@@ -261,20 +234,3 @@ def test_scene_and_renders_go_together(tmp_path, capsys):
     with pytest.raises(SystemExit, match="2"):
         benchmark.run(arguments(tmp_path, "--scene", "x"))
     assert "--scene and --renders go together" in capsys.readouterr().err
-
-
-def test_what_a_large_pair_costs(monkeypatch):
-    monkeypatch.setattr(benchmark, "LARGE_PX", (320, 200))
-    cost = benchmark.large_pair("dis_medium")
-    assert 0 < cost["time_s"] < 60
-    # At least the interpreter with OpenCV; a small pair adds little.
-    assert 30 < cost["peak_mib"] < 1000
-    assert set(cost) == {"time_s", "cpu_time_s", "peak_mib"}
-
-
-def test_a_large_pair_that_is_too_small_is_refused(monkeypatch, capsys):
-    assert large_pair.run(["--width", "20", "--height", "20"]) == 1
-    assert capsys.readouterr().err.startswith("error: images of 20x20 pixels are too")
-    monkeypatch.setattr(benchmark, "LARGE_PX", (20, 20))
-    with pytest.raises(ValueError, match="large_pair ended with 1: error: images"):
-        benchmark.large_pair("dis_fast")
