@@ -1,6 +1,8 @@
 """Mappings as classes of keys: checked, with one line for a fault, and filled."""
 
+import difflib
 import math
+import re
 
 import pydantic
 
@@ -9,6 +11,8 @@ from alignerf.io import faults
 
 # What pydantic calls a dictionary, an instance or an object.
 MAPPING = "be a mapping of keys"
+# Of more letters the values that a key takes are counted, and the nearest named.
+LONG = 600
 WORDS = dict.fromkeys(("dict_type", "model_type", "model_attributes_type"), MAPPING)
 
 
@@ -64,6 +68,10 @@ def place_of(error, values):
 def wanted(error):
     """What a value should be, in pydantic's words."""
     _, _, what = error["msg"].replace(" after validation", "").partition(" should ")
+    if error["type"] == "literal_error" and len(what) > LONG:
+        names = re.findall("'([^']*)'", what)
+        near = difflib.get_close_matches(str(error["input"])[:100], names, 5, 0.0)
+        what = f"be one of {len(names)} names, such as {', '.join(map(repr, near))}"
     return WORDS.get(error["type"], what or f"be valid: {error['msg']}")
 
 

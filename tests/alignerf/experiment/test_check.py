@@ -46,6 +46,11 @@ def edit(config, where, value):
         ("training.learning_rates", ["1e-3", 1], r"learning_rates.0: '1e-3' .*1.0e-03"),
         ("training.batch_rays", 0, "batch_rays: 0 should be .* or equal to 1"),
         ("flow.kernel", "sinc", "flow.kernel: 'sinc' should be 'lanczos', 'cubic' or"),
+        (
+            "scenes.courtyard.pose_convention",
+            "ros90",
+            r"pose_convention: 'ros90' should be one of 89 names, such as 'ros[^;]*$",
+        ),
         ("flow.estimator", "files", "flow: 'folder' is a required"),
         ("flow.folder", "flows", "flow.folder: estimator 'deepflow' reads none"),
         ("methods.mipnerf360.model", "huge", r"methods.mipnerf360.model: no model 'hu"),
