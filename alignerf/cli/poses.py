@@ -93,9 +93,9 @@ def summary(report):
     told = report["adjustment"]
     if told["accepted"]:
         named = "; ".join(fault["said"] for fault in report["faults"])
-        named = named or f"poses are off by {told['pose_error_px']:.2f} px of the photo"
+        named = named or "small errors, none of which has a name"
         return (
-            f"{named}: corrected; held-out matches {told['before_px']:.2f} -> "
+            f"{named}. Corrected: held-out matches {told['before_px']:.2f} -> "
             f"{told['after_px']:.2f} px"
         )
     return f"cameras stay as they came: {told['why']}"

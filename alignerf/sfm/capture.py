@@ -139,8 +139,9 @@ def triangulated(checked: Checked, work, seed):
 def points_told(points: bundle.Points, views, matched):
     """The part of poses.json on points, as COLMAP's own poses have it."""
     errors = points.reprojection_px * views.width / matched.width
+    known = errors[np.isfinite(errors)]
     return {
-        "mean_reprojection_error_px": float(np.nanmean(errors)),
+        "mean_reprojection_error_px": float(known.mean()) if len(known) else None,
         "points": len(points.positions),
         "points_in_3_views": points.in_3_views,
         "reprojection_errors_px": {

@@ -22,6 +22,9 @@ log = logging.getLogger("alignerf.poses")
 
 # Fewer held-out matches accept nothing.
 MIN_MATCHES = 100
+# Of the matches: input cameras that are further off, and cannot be put right, are of
+# other photos.
+MAX_INPUT_PX = 20.0
 # Adjusted cameras that are further off, in px of the matches, are not right either.
 MAX_LEFT_PX = 3.0
 # From poses so far off an adjustment may end beside the right ones: COLMAP's new ones
@@ -38,6 +41,8 @@ MAX_SCALE = 3.0
 # which a focal length is, of the half diagonal by which the corner is, of the width by
 # which the centre is.
 POSES_PX, FOCAL, CORNER, CENTRE = 0.2, 2e-3, 1e-3, 2e-3
+# Faults of a lens, in the order in which they are named.
+LENS = ["zoom", "focal_length", "principal_point", "distortion"]
 
 
 class Attempt(NamedTuple):
@@ -137,7 +142,7 @@ class Search(NamedTuple):
         if not is_left:
             return best, False
         why = f"held-out matches stay {left_px:.0f} px off, and {why}"
-        if not self.lens:
+        if not self.lens or came_px <= self.photo_px * MAX_INPUT_PX:
             return Attempt(right, None, why), False
         raise ValueError(
             f"{where}: its cameras do not fit these photos: {why}. Are they of other "
@@ -180,7 +185,7 @@ def correct(
     poses = mistakes.undone(convention, matched.names, given.camtoworlds)
     right = given._replace(camtoworlds=poses)
     if len(matched.places(held_out=True)[0]) < MIN_MATCHES:
-        why = f"{matched.count()} matches are too few to judge cameras by"
+        why = f"under {MIN_MATCHES} held-out matches are too few to judge cameras by"
         return None, left(search.judge(given, given), why)
     start = lens_fit.zooms(matched, right, photo_px, more.get("focal_px"))
     if not search.judge(right, start).accepted:
@@ -258,15 +263,14 @@ def difference(names, given, found, photo_px):
         px = pose_error.distance_px(same_lens, now, points)
     off_px = {names[view]: photo_px * each for view, each in px.items()}
     all_px = np.array([*off_px.values()])
-    lens = now.distortion[0]
+    lens, errors_px = now.distortion[0], found.points.reprojection_px
+    known_px = photo_px * errors_px[np.isfinite(errors_px)]
     ratio = np.median(now.camtopix[:, 0, 0] / given.camtopix[:, 0, 0])
-    apart = [np.ptp(one.camtoworlds[:, :, 3], axis=0).max() for one in (given, now)]
+    apart = [spread(one.camtoworlds[:, :, 3]) for one in (given, now)]
     return {
         "pose_error_px": round(float(np.median(all_px)), 3),
         "worst_px": round(float(all_px.max()), 3),
-        "reprojection_px": round(
-            photo_px * float(np.nanmean(found.points.reprojection_px)), 3
-        ),
+        "reprojection_px": round(float(known_px.mean()), 3) if len(known_px) else None,
         "focal_ratio": round(float(ratio), 6),
         "distortion": lens.round(6).tolist() if lens.any() else None,
         "scale": round(float(apart[1] / max(apart[0], 1e-300)), 6),
@@ -275,41 +279,69 @@ def difference(names, given, found, photo_px):
     }, off_px
 
 
+def spread(centres):
+    """Median distance of places [n, 3] from their middle, whatever single ones do."""
+    return np.median(np.linalg.norm(centres - np.median(centres, axis=0), axis=-1))
+
+
 def of_lens(names, given, now, size, photo_px):
-    """The faults of a lens [{kind, said}], by what it was and what it is."""
-    found, half = [], np.hypot(*size) / 2
-    before, after = (photo_px * one.camtopix[:, 0, 0] for one in (given, now))
-    ratios = now.camtopix[:, 0, 0] / given.camtopix[:, 0, 0]
-    usual = np.median(ratios)
-    other = np.abs(np.log(ratios / usual)) > bundle.SAME_FOCAL
-    for length in np.unique(after[other].round()):
-        own = other & (after.round() == length)
-        few = faults.some_names([names[i] for i in np.flatnonzero(own)])
-        said = (
-            f"another zoom: focal length {length:.0f} px of the photo, where the file "
-            f"says {np.median(before[own]):.0f}: {few}"
+    """The faults of lenses [{kind, said}], by what they were and what they are.
+
+    Of each group of photos that had one lens and have one.
+    """
+    pairs = [bundle.groups_of(one, size[0]) for one in (given, now)]
+    _, groups = np.unique(np.stack(pairs), axis=1, return_inverse=True)
+    found = []
+    for group in np.unique(groups):
+        own = np.flatnonzero(groups.ravel() == group)
+        who = ""
+        if len(own) < len(names):
+            who = f": {faults.some_names([names[i] for i in own])}"
+        was, new = (
+            calibration.Cameras(*(array[own] for array in one)) for one in (given, now)
         )
-        found.append({"kind": "zoom", "said": said})
-    if abs(usual - 1) > FOCAL:
-        length = "long" if usual < 1 else "short"
-        said = (
-            f"the focal length is {100 * abs(1 / usual - 1):.1f} % too {length}: "
-            f"{np.median(before):.1f} -> {np.median(after):.1f} px of the photo"
+        each = of_one_lens(was, new, size, photo_px, shared=bool(who))
+        found += [{"kind": kind, "said": said + who} for kind, said in each]
+    return sorted(found, key=lambda one: LENS.index(one["kind"]))
+
+
+def of_one_lens(given, now, size, photo_px, *, shared):
+    """(kind, words) of the faults of one lens; shared: others have other lenses."""
+    (fx, fy), (own_x, own_y) = (
+        photo_px * np.median(one.camtopix[:, [0, 1], [0, 1]], axis=0)
+        for one in (given, now)
+    )
+    times = given.camtopix[:, 0, 0] / now.camtopix[:, 0, 0]
+    x, y = fx / own_x - 1, fy / own_y - 1
+    if shared and abs(np.log1p(x)) > bundle.SAME_FOCAL:
+        yield (
+            "zoom",
+            f"another zoom: focal length {own_x:.0f} px of the photo, where the file "
+            f"says {fx:.0f}",
         )
-        found.append({"kind": "focal_length", "said": said})
+    elif abs(x - y) > FOCAL:
+        lengths = f"({fx:.1f}, {fy:.1f}) -> ({own_x:.1f}, {own_y:.1f})"
+        said = f"the focal lengths of the two axes are wrong: {lengths} px of the photo"
+        yield "focal_length", said
+    elif abs(x) > FOCAL:
+        much = f"{100 * abs(x):.1f} % too {'long' if x > 0 else 'short'}"
+        change = f"{fx:.1f} -> {own_x:.1f} px of the photo"
+        yield "focal_length", f"the focal length is {much}: {change}"
+    elif (most := np.abs(times / np.median(times) - 1).max()) > FOCAL:
+        said = f"focal lengths of one lens differ by up to {100 * most:.1f} %"
+        yield "focal_length", f"{said}: {own_x:.1f} px of the photo"
     centres = [
         photo_px * np.median(one.camtopix[:, :2, 2], axis=0) for one in (given, now)
     ]
     off_px = np.linalg.norm(centres[1] - centres[0])
     if off_px > photo_px * size[0] * CENTRE:
-        was, should = (f"({x:.1f}, {y:.1f})" for x, y in centres)
+        was, should = (f"({u:.1f}, {v:.1f})" for u, v in centres)
         said = f"the principal point is off by {off_px:.1f} px: {was} -> {should}"
-        found.append({"kind": "principal_point", "said": said})
+        yield "principal_point", said
+    half = np.hypot(*size) / 2
     if now.distortion.any() and (corner := corner_px(now, half)) > CORNER * half:
         corner = f"{photo_px * corner:.1f} px at the corner"
-        said = f"a lens distortion is not in the file: {corner}"
-        found.append({"kind": "distortion", "said": said})
-    return found
+        yield "distortion", f"the photos have a lens distortion that is left: {corner}"
 
 
 def corner_px(now, half):
@@ -334,7 +366,8 @@ def of_poses(off_px, unrelated, convention):
     if odd := {name: px for name, px in off_px.items() if px > least_px}:
         worst = sorted(odd, key=odd.get, reverse=True)
         each = faults.some_names([f"{name} ({odd[name]:.0f} px)" for name in worst])
-        said = f"wrong poses of {len(odd)} photos, the others {usual_px:.1f} px: {each}"
+        count = f"{len(odd)} photo{'s' * (len(odd) > 1)}"
+        said = f"wrong poses of {count}, the others {usual_px:.1f} px: {each}"
         found.append({"kind": "views", "said": said})
     if usual_px > POSES_PX:
         worst_px = max(px for name, px in off_px.items() if name not in odd)

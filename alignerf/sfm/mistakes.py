@@ -22,6 +22,8 @@ FLIP = cameras.OPENGL_FROM_OPENCV
 TIMES_LESS, TIMES_MORE, MEET_PX = 5.0, 1.5, 4.0
 # Cameras whose matches fit by so many px are not suspected.
 SANE_PX = 2.0
+# Of many that are tried one meets by chance: of its rays so many have to.
+MEETING = 0.2
 # Matches that are enough to tell, and those without which nothing is told.
 MAX_MATCHES, MIN_MATCHES = 20_000, 50
 
@@ -228,7 +230,7 @@ def find(matches, pixtocams, camtoworlds):
             continue
         error_px, count = measure(places, pixtocams, poses)
         fits = TIMES_LESS * error_px < own[0] and count > TIMES_MORE * own[1]
-        if fits and count >= MIN_MATCHES:
+        if fits and count >= max(MIN_MATCHES, MEETING * len(places[0])):
             others[convention] = error_px, count
     return found | dict(sorted(others.items(), key=lambda one: (-one[1][1], one[1][0])))
 

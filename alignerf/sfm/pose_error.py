@@ -30,9 +30,7 @@ def fit(target, source, points):
     points: {view: [k, 3]} in source's world, of the views that count.
     """
     views = sorted(points)
-    start = cameras.align_similarity(
-        source.camtoworlds[views], target.camtoworlds[views]
-    )
+    start = similarity_of_most(source.camtoworlds[views], target.camtoworlds[views])
     each = {v: points[v][:: max(1, len(points[v]) // MAX_POINTS)] for v in views}
     xyz = np.concatenate([each[v] for v in views])
     view = np.repeat(views, [len(each[v]) for v in views])
@@ -54,8 +52,28 @@ def fit(target, source, points):
         # What lies in a camera's plane has no image, and is far from any.
         return np.where(np.abs(off) < FAR_PX, off, FAR_PX).ravel()
 
-    best = least_squares(residuals, np.zeros(7), loss="soft_l1", max_nfev=50).x
+    # Views that are anywhere decide nothing, however far off what they see is.
+    usual = max(float(np.median(np.abs(residuals(np.zeros(7))))), 1.0)
+    options = {"loss": "cauchy", "f_scale": usual, "max_nfev": 50}
+    best = least_squares(residuals, np.zeros(7), **options).x
     return similarity_of(best)
+
+
+def similarity_of_most(source, target):
+    """(scale, rotation [3, 3], translation [3]) that takes most of source's poses to
+    target's, whatever the others are. Exact for poses that differ by a similarity.
+    """
+    turns = target[:, :, :3] @ source[:, :, :3].swapaxes(1, 2)
+    agree = np.einsum("aij,bij->ab", turns, turns)
+    turn = turns[np.argmax(np.median(agree, axis=1))]
+    centres = source[:, :, 3], target[:, :, 3]
+    lengths = [np.linalg.norm(one[:, None] - one, axis=-1) for one in centres]
+    apart = (lengths[0] > 0) & (lengths[1] > 0)
+    is_one_place = any(map(cameras.is_one_place, (source, target)))
+    scale = 1.0
+    if apart.any() and not is_one_place:
+        scale = float(np.median(lengths[1][apart] / lengths[0][apart]))
+    return scale, turn, np.median(centres[1] - scale * centres[0] @ turn.T, axis=0)
 
 
 def project(of, view, points):

@@ -53,14 +53,24 @@ with contextlib.closing(sqlite3.connect(database, uri=True)) as opened:
 """
 # Fewer pairs than this are matched faster than a process begins.
 MIN_PAIRS, MAX_LOG_BYTES = 50, 2**20
+# Each process has its own copy of the database.
+MAX_PROCESSES = 8
+# Beside a parent that is gone nothing goes on.
 MATCH = """
-import json, sys
-sys.path[:] = json.loads(sys.argv[1])
+import json, os, sys, threading, time
+sys.path[:], parent = json.loads(sys.argv[1]), os.getppid()
+def watch():
+    while os.getppid() == parent:
+        time.sleep(0.5)
+    os._exit(1)
+threading.Thread(target=watch, daemon=True).start()
 from alignerf.scenes.capture import mapping
 mapping.match_listed(*sys.argv[2:])
 """
 # A step that has ended waits for the last count.
 COUNT_S = 10.0
+# Between looks at processes that match.
+POLL_S = 0.05
 
 
 def models_of(
@@ -229,7 +239,8 @@ def match(database, count, seed, pairs=None):
             pairs = _neighbours(database, seed)
     # Neighbours by number share photos, which are read once.
     pairs = sorted({*pairs} - pairs_in(database))
-    each = max(-(-len(pairs) // machine.cores()), MIN_PAIRS)
+    processes = min(machine.cores(), MAX_PROCESSES)
+    each = max(-(-len(pairs) // processes), MIN_PAIRS)
     shares = [pairs[i : i + each] for i in range(0, len(pairs), each)]
     if len(shares) < 2:
         list_pairs(database, pairs)
@@ -250,12 +261,17 @@ def match(database, count, seed, pairs=None):
                 running.callback(jobs[-1].wait)
                 running.callback(jobs[-1].kill)
             with _told("matching", parts, len(pairs), unit="pair"):
-                codes = [job.wait() for job in jobs]
-        for part, code in zip(parts, codes, strict=True):
-            if code:
+                while any(job.poll() is None for job in jobs):
+                    if any(job.poll() for job in jobs):
+                        break
+                    time.sleep(POLL_S)
+        for part, job in zip(parts, jobs, strict=True):
+            if job.returncode:
                 said = faults.content(part.with_suffix(".log"), MAX_LOG_BYTES)
                 last = said.decode(errors="replace").strip()[-500:]
-                raise RuntimeError(f"matching stopped ({code}): {last}")
+                last = last or "killed, perhaps for want of memory"
+                raise RuntimeError(f"a process that matches has stopped: {last}")
+        for part in parts:
             take_pairs(database, part)
 
 
@@ -309,12 +325,12 @@ def take_pairs(database, part):
 def _told(step, databases, total, *, unit):
     """Show how far a step of COLMAP is, by the rows of its databases' table."""
     table = {"photo": "keypoints", "pair": "two_view_geometries"}[unit]
-    known = {}
+    known, before = {}, {one: rows(one, table) or 0 for one in databases}
 
     def count():
         for database in databases:
             if (found := rows(database, table)) is not None:
-                known[database] = found
+                known[database] = found - before[database]
         return sum(known.values())
 
     return progress.watched(f"COLMAP: {step}", total, count, unit=unit)

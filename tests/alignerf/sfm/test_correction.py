@@ -51,6 +51,9 @@ def planted(case, true, rng):
     """(given cameras, those that the photos have, the kinds that are named)."""
     nearly = perturbed(true, 2.0, rng)
     other = with_lens(true, focal=1.6, views=[1, 4, 7, 10])
+    one_far, lost = true.camtoworlds.copy(), true.camtoworlds.copy()
+    one_far[6, :, 3] *= 50
+    lost[6] = np.eye(4)[:3]
     anywhere = true.camtoworlds[rng.permutation(len(true.camtoworlds))]
     return {
         "right": (true, true, []),
@@ -67,6 +70,8 @@ def planted(case, true, rng):
         "all turned": (turned(true, [0.1, 0, 0]), true, ["poses"]),
         "two exchanged": (exchanged(true, 4, 5), true, ["views"]),
         "one turned": (turned(true, [0.06, 0, 0], [6]), true, ["views"]),
+        "one far off": (true._replace(camtoworlds=one_far), true, ["views"]),
+        "one lost": (true._replace(camtoworlds=lost), true, ["views"]),
         "none of these": (
             true._replace(camtoworlds=anywhere),
             true,
@@ -95,6 +100,7 @@ def planted(case, true, rng):
 
 CASES = ["right", "poses", "focal length", "centre", "focal length and poses", "zoom"]
 CASES += ["zoom and poses", "all turned", "two exchanged", "one turned"]
+CASES += ["one far off", "one lost"]
 CASES += ["none of these", "at one place", "nearly at one place"]
 
 
@@ -115,6 +121,58 @@ def test_the_planted_fault_is_named_and_mended(rng, tmp_path, case):
     if case in ("focal length", "centre", "zoom"):
         # The lens is all that moves.
         np.testing.assert_array_equal(found.cameras.camtoworlds, true.camtoworlds)
+
+
+LENSES = {
+    "most zoomed": ({"focal": 1.6, "views": slice(3, 12)}, "zoom", "v03"),
+    "second camera": ({"focal": 0.96, "views": slice(6, 12)}, "focal_length", "v06"),
+    "its centre": ({"centre": (9, 0), "views": slice(6, 12)}, "principal_point", "v06"),
+    "all": ({"focal": 0.96}, "focal_length", None),
+}
+
+
+@pytest.mark.parametrize("case", LENSES)
+def test_a_lens_is_named_with_its_photos(case):
+    options, kind, first = LENSES[case]
+    given = made.cameras()
+    if case in ("second camera", "its centre"):
+        # The file has two cameras.
+        given = with_lens(given, focal=1.3, views=slice(6, 12))
+    names = [f"v{k:02d}" for k in range(12)]
+    (fault,) = correction.of_lens(
+        names, given, with_lens(given, **options), (made.WIDTH, made.HEIGHT), 1.0
+    )
+    assert fault["kind"] == kind
+    assert fault["said"].partition(": v")[2][:2] == (first or "")[1:]
+
+
+def test_focal_lengths_of_two_axes_and_of_single_photos_are_named(rng):
+    given = made.cameras()
+    given.camtopix[:, 1, 1] *= 1.05
+    options = [f"v{k:02d}" for k in range(12)], (made.WIDTH, made.HEIGHT)
+    (fault,) = correction.of_lens(options[0], given, made.cameras(), options[1], 1.0)
+    assert "(520.0, 546.0) -> (520.0, 520.0)" in fault["said"]
+    jittering = made.cameras()
+    jittering.camtopix[:, :2, :2] *= np.exp(0.01 * rng.normal(size=(12, 1, 1)))
+    (fault,) = correction.of_lens(
+        options[0], jittering, made.cameras(), options[1], 1.0
+    )
+    assert "differ by up to" in fault["said"]
+
+
+def test_cameras_that_see_no_point_have_no_reprojection_error(rng):
+    true = made.cameras()
+    points = bundle.Points(
+        np.zeros((0, 3)),
+        np.zeros((0, 3), np.uint8),
+        [np.zeros(0, int)] * 12,
+        np.full(12, np.nan),
+        0.0,
+    )
+    found = bundle.Adjusted(true, points, [], [], None)
+    told, _ = correction.difference(list("abcdefghijkl"), true, found, 1.0)
+    assert told["reprojection_px"] is None
+    assert told["pose_error_px"] == 0
 
 
 def test_a_mistake_of_the_file_is_undone_first(rng, tmp_path):

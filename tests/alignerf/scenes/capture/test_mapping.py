@@ -55,7 +55,7 @@ def test_what_cannot_be_counted_is_not_known(database, tmp_path, monkeypatch):
 
 
 def test_progress_keeps_the_last_number_that_it_knows(database, monkeypatch):
-    told = iter([1, None, 2])
+    told = iter([0, 1, None, 2])
     monkeypatch.setattr(mapping, "rows", lambda *_: next(told))
     seen = []
 
