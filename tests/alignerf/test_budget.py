@@ -142,9 +142,9 @@ def test_it_ends_in_time(folder, tmp_path, monkeypatch):
         program, "step_time_s", lambda step, *a, **o: measure(slowed(step), *a, **o)
     )
 
-    def run_slowed(run, note):
+    def run_slowed(run):
         run.program = run.program._replace(step=slowed(run.program.step))
-        run_steps(run, note)
+        run_steps(run)
 
     monkeypatch.setattr(loop, "run_steps", run_slowed)
     cases.run(folder, tmp_path, with_budget(0.1))

@@ -63,7 +63,7 @@ def test_another_job_does_not_resume(
         more = ("--photos", str(tmp_path / "photos"))
     started = []
 
-    def first_state(run, note):
+    def first_state(run):
         started.append(int(run.state.step))
         raise cases.Killed
 
