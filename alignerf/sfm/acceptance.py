@@ -1,9 +1,8 @@
 """Whether a correction of cameras is taken: by matches that it has not seen.
 
 Five held-out photos cannot tell a pose error of 1.4 px from one of 0.5; thousands of
-held-out matches can. The views are the capture's own, and no sample of others: what is
-left to chance are the tracks, which were drawn. So two photos of sixteen are worth a
-correction of theirs.
+held-out matches can. Chance lies in which tracks are held out, not in which photos were
+taken: a correction of two photos of sixteen counts.
 """
 
 from typing import NamedTuple
@@ -22,8 +21,7 @@ FRACTION_LEFT = 0.5
 MIN_FRACTION = 0.05
 # Views with fewer held-out matches say nothing by themselves.
 MIN_MATCHES = 5
-# In px of the photo: a match that is further off is as far off. What moves decides
-# nothing.
+# In px of the photo, the most that a match counts as off.
 FAR_PX = 20.0
 # Of a normal distribution, within which 95 % lie.
 ERRORS_95 = 1.96

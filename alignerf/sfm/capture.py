@@ -66,7 +66,7 @@ def check(views, work, config, *, adjusts, lens, matched=None) -> Checked:
     photo_px = views.width / matched.width
     report = {"matches": matched.count(), "pairs": len(matched.pairs)}
     epipolar_px, convention = convention_of(matched, given, photo_px, config)
-    if convention and not (adjusts and lens):
+    if convention != mistakes.NONE and not (adjusts and lens):
         raise ValueError(
             f"{where}: its cameras have {mistakes.describe(convention)}. To read them "
             f"that way: `pose_convention: {convention}` in the config, or "
@@ -92,12 +92,13 @@ def check(views, work, config, *, adjusts, lens, matched=None) -> Checked:
 def convention_of(matched, given, photo_px, config):
     """(median epipolar error in px of the photo or None, the mistake of the file).
 
-    Without a mistake, and where the config says how poses are meant, there is None.
+    It is NONE where the config says how poses are meant.
     """
     found = mistakes.find(matched, given.pixtocams, given.camtoworlds)
     own_px, names = found[mistakes.NONE][0], list(found)[1:]
     px = None if np.isinf(own_px) else round(photo_px * own_px, 4)
-    return px, names[0] if names and config["pose_convention"] is None else None
+    stated = config["pose_convention"] is not None
+    return px, mistakes.NONE if stated or not names else names[0]
 
 
 def focal_px(views):

@@ -170,24 +170,33 @@ class Search(NamedTuple):
 
 
 def correct(
-    matched, given, work, seed, photo_px, *, lens, where="", second=True, **more
+    matched,
+    given,
+    work,
+    seed,
+    photo_px,
+    *,
+    lens,
+    where="",
+    second=True,
+    convention=mistakes.NONE,
+    focal_px=None,
 ):
     """(`bundle.Adjusted` or None, what the report says of it).
 
     given: `calibration.Cameras` in px of the matches; photo_px: px of the photo in one
     of these. lens: whether a distortion may be found. second: whether they are adjusted
-    a second time, by keypoints evenly over each view. more: convention, the mistake of
-    the file that is undone first; focal_px [n], focal lengths by EXIF, NaN where there
-    is none. Raises ValueError for cameras of other photos.
+    a second time, by keypoints evenly over each view. convention: the mistake of the
+    file that is undone first. focal_px [n]: focal lengths by EXIF, NaN where there is
+    none. Raises ValueError for cameras of other photos.
     """
     search = Search(matched, Path(work), seed, photo_px, lens)
-    convention = more.get("convention") or mistakes.NONE
     poses = mistakes.undone(convention, matched.names, given.camtoworlds)
     right = given._replace(camtoworlds=poses)
     if len(matched.places(held_out=True)[0]) < MIN_MATCHES:
         why = f"under {MIN_MATCHES} held-out matches are too few to judge cameras by"
         return None, left(search.judge(given, given), why)
-    start = lens_fit.zooms(matched, right, photo_px, more.get("focal_px"))
+    start = lens_fit.zooms(matched, right, photo_px, focal_px)
     if not search.judge(right, start).accepted:
         start = right
     asked, by_lens = search.lens_of(start)

@@ -1,8 +1,8 @@
 """The usual mistakes of a file of cameras, found by the matches before any training.
 
 Each mistake of convention is undone, and the cameras that come out are held to the same
-matches. One that explains them is named; it is used only where the config says so.
-Views and lenses that stand out are named too.
+matches. The one that explains most of them is named, and undone where cameras are
+adjusted. Views and lenses that stand out are named too.
 """
 
 import functools

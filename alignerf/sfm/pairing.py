@@ -101,10 +101,9 @@ def pairs_of(camtoworlds):
 # A stage may read its photos more than once.
 @functools.lru_cache(maxsize=8)
 def matched(paths, size, pairs):
-    """The `matches.Matches` of pairs of photos in small; None where one is broken.
+    """The `matches.Matches` of pairs of small copies of photos.
 
-    And of another shape than their cameras.
-
+    None where a photo is broken, or of another shape than its camera.
     """
     names = [f"{i:04d}" for i in range(len(paths))]
     times = max(1, max(size) / SIZE_PX)
