@@ -37,6 +37,8 @@ OFF_PX = 1.0
 MOSTLY = 0.5
 # Cameras whose scale changes more often were at places that meant nothing.
 MAX_SCALE = 3.0
+# Of the photo's width: poses that are further off in the median are of other photos.
+MAX_OFF = 0.15
 # Of a fault that is named: px of the photo by which poses are off; the share of it by
 # which a focal length is, of the half diagonal by which the corner is, of the width by
 # which the centre is.
@@ -216,8 +218,9 @@ def correct(
     told |= {"lens": lenses, "again": again or None}
     moved, off_px = difference(matched.names, right, found, photo_px)
     told |= moved | {"still_off": still_off(matched, found.cameras, photo_px)}
-    unrelated = unrelated or not 1 / MAX_SCALE < told["scale"] < MAX_SCALE
     size = matched.width, matched.height
+    unrelated |= not 1 / MAX_SCALE < told["scale"] < MAX_SCALE
+    unrelated |= told["pose_error_px"] > photo_px * size[0] * MAX_OFF
     told["faults"] = [
         *of_lens(matched.names, right, found.cameras, size, photo_px),
         *of_poses(off_px, unrelated, convention),
