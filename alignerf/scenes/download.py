@@ -69,9 +69,11 @@ def fetch(path, size, md5):
             try:
                 subprocess.run([*CURL.split(), path, url], check=True)
             except (OSError, subprocess.CalledProcessError) as error:
+                code = getattr(error, "returncode", None)
+                why = f"curl ended with {code}" if code else f"curl: {error.strerror}"
                 raise ValueError(
-                    f"{url}: {error.__class__.__name__}: the same command goes on from "
-                    f"there; or fetch it by other means and put it to {own}"
+                    f"{url}: {why}: the same command goes on from there; or fetch it "
+                    f"by other means and put it to {own}"
                 ) from None
     with faults.opened(path) as file:
         if path.stat().st_size != size or (

@@ -262,9 +262,7 @@ def test_a_stopped_download_keeps_what_is_there(tmp_path, snakemake):
     more = {"https_proxy": "http://127.0.0.1:9"}
     code, output = snakemake(tmp_path, "download_360_v2", "--cores", "1", more=more)
     assert code == 1
-    assert re.search(
-        r"^error: https://.*360_v2/\w+\.zip, or the scene to", output, re.M
-    )
+    assert re.search(r"^error: https://\S+\.zip: curl ended with \d+", output, re.M)
     assert (tmp_path / "360_v2" / "flowers").is_dir()
     assert part.read_bytes() == b"PK"
 

@@ -8,11 +8,11 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from alignerf import export, poses
+from alignerf import poses
 from alignerf.captures import base, blender
 from alignerf.experiment import check
 from alignerf.experiment.checks import scenes as of_scenes
-from alignerf.scenes import photos, prepared
+from alignerf.scenes import photos
 from alignerf.scenes.formats import transforms
 
 SIZE, ANGLE = 40, 0.7
@@ -67,49 +67,6 @@ def test_views_have_the_split_of_their_file(scene, tmp_path):
     with np.load(out / "cameras.npz") as found:
         assert found["names"].tolist() == sorted(views.names)
         assert found["split"].tolist() == ["test"] * 2 + ["train"] * 3
-
-
-def test_an_exported_scene_is_one_of_its_kind(scene, tmp_path):
-    """Files of both splits, photos named without suffix, and the same cameras."""
-    config = {"source": "blender", "path": str(scene), "background": "white"}
-    poses.main(config, tmp_path / "made")
-    folder = tmp_path / "exported"
-    export.main(["--scene", str(tmp_path / "made"), "--out", str(folder)])
-    found = json.loads((folder / "transforms_test.json").read_text())
-    assert found["camera_angle_x"] == pytest.approx(ANGLE)
-    val = json.loads((folder / "transforms_val.json").read_text())
-    assert val == found
-    with Image.open(folder / "images" / "test_r_0.png") as image:
-        assert image.mode == "RGBA"
-    paths = [frame["file_path"] for frame in found["frames"]]
-    assert paths == ["images/test_r_0", "images/test_r_1"]
-    first, _ = read(scene, "white")
-    again, _ = read(folder, None)
-    assert again.names == first.names
-    np.testing.assert_array_equal(again.split, first.split)
-    np.testing.assert_allclose(again.pixtocams, first.pixtocams, atol=1e-6)
-    np.testing.assert_allclose(again.camtoworlds, first.camtoworlds, atol=1e-6)
-    for view in range(5):
-        shown = [views.photos[view].read() for views in (again, first)]
-        np.testing.assert_array_equal(*shown)
-
-
-def test_lenses_that_one_angle_does_not_say_are_not_written(scene, tmp_path, caplog):
-    config = {"source": "blender", "path": str(scene), "background": "white"}
-    poses.main(config, tmp_path / "made")
-    found = prepared.read_cameras(tmp_path / "made" / "cameras.npz")
-    for change in ([4, 0, 0], [slice(None), 0, 2]):
-        lenses = found["pixtocams"].copy()
-        lenses[tuple(change)] *= 1.1
-        other = tmp_path / "other.npz"
-        np.savez(other, **found | {"pixtocams": lenses})
-        out = tmp_path / "exported"
-        made = ["--scene", str(tmp_path / "made"), "--cameras", str(other)]
-        export.main([*made, "--out", str(out)])
-        assert not list(out.glob("transforms_t*.json"))
-        assert (out / "transforms.json").is_file()
-    assert "not written: the views' lenses differ" in caplog.text
-    assert "not written: the principal point is not the photo's middle" in caplog.text
 
 
 def test_masks_and_names_come_along(scene):

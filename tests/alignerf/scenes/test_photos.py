@@ -165,7 +165,7 @@ def test_a_head_is_read_before_the_pixels(tmp_path, pixels):
     save(tmp_path / "a.jpg", pixels.repeat(40, 0).repeat(40, 1))
     whole = (tmp_path / "a.jpg").read_bytes()
     (tmp_path / "a.jpg").write_bytes(whole[: len(whole) // 2])
-    assert photos.head(tmp_path / "a.jpg") == ((800, 480), 1, "")
+    assert photos.head(tmp_path / "a.jpg")[:3] == ((800, 480), 1, "")
     with pytest.raises(ValueError, match=r"cannot decode .*a\.jpg"):
         photos.decode(tmp_path / "a.jpg")
 
@@ -210,7 +210,7 @@ def test_a_tiff_that_pillow_turns_is_not_turned_again(tmp_path, pixels, orientat
     save(tmp_path / "a.tif", pixels, exif=exif)
     found = photos.head(tmp_path / "a.tif")
     image, _ = photos.decode(tmp_path / "a.tif", upright=False)
-    assert found == (image.shape[1::-1], 1, "")
+    assert found[:3] == (image.shape[1::-1], 1, "")
     np.testing.assert_array_equal(image, photos.UPRIGHT[orientation](pixels))
 
 

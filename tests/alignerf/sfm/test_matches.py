@@ -54,7 +54,7 @@ def test_a_file_keeps_them(rng, tmp_path):
 def test_a_database_keeps_all_that_is_not_held_out(rng, tmp_path):
     true = made.cameras()
     found = made.matched(true, rng)
-    state = bundle.State(true, np.zeros(12, int), np.ones(12, bool))
+    state = bundle.begun(true, np.zeros(12, int), np.ones(12, bool))
     path = bundle.write_database(
         tmp_path / "a.db", found, bundle.model_of(found, state)
     )
