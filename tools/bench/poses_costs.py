@@ -36,7 +36,7 @@ from alignerf.io import archives, machine, progress
 from alignerf.keypoints import refine
 from alignerf.scenes import cameras, prepare
 from alignerf.scenes.capture import ingest, mapping
-from alignerf.sfm import capture, pose_error
+from alignerf.sfm import correction, pose_error
 from tools.bench import measure
 
 # (photos, width) of each case, each with and without cameras.
@@ -61,7 +61,7 @@ PARTS = {
     "copies": ((prepare, "write_photos"), (ingest, "ingest")),
     "features": ((mapping, "extract"),),
     "matching": ((mapping, "match"),),
-    "poses": ((mapping, "_map"), (capture, "fewest")),
+    "poses": ((mapping, "_map"), (correction.Search, "fewest")),
     "again": ((refine, "refine"),),
     "export": ((command, "write"), (prepare, "write_views")),
 }
