@@ -89,7 +89,7 @@ def judge(matches: Matches, before: Cameras, after: Cameras, photo_px=1.0, moved
     """
     n, (views, _) = len(matches.names), matches.places(held_out=True)
     errors = [
-        photo_px * error_of_matches(*one)
+        photo_px * calibration.errors_of_matches(*one, held_out=True)[1]
         for one in ((matches, before), (moved or matches, after))
     ]
     counts = np.bincount(views.ravel(), minlength=n)
@@ -113,13 +113,6 @@ def judge(matches: Matches, before: Cameras, after: Cameras, photo_px=1.0, moved
             for one in halves
         ),
     )
-
-
-def error_of_matches(matches: Matches, cameras: Cameras):
-    """[m] epipolar error in px of the held-out matches."""
-    straight = calibration.undistorted(matches, cameras)
-    views, xy = straight.places(held_out=True)
-    return calibration.errors_px(views, xy, cameras.pixtocams, cameras.camtoworlds)
 
 
 def tracks_of(matches: Matches):

@@ -64,9 +64,14 @@ def errors_of_views(matches: Matches, cameras: Cameras, *, held_out=None):
 
     held_out: of one part of the matches alone.
     """
-    views, xy = undistorted(matches, cameras).places(held_out=held_out)
-    errors = errors_px(views, xy, cameras.pixtocams, cameras.camtoworlds)
+    views, errors = errors_of_matches(matches, cameras, held_out=held_out)
     return by_view(views, errors, len(matches.names))
+
+
+def errors_of_matches(matches: Matches, cameras: Cameras, *, held_out=None):
+    """(views [m, 2], epipolar error in px [m]) of matches; held_out: of one part."""
+    views, xy = undistorted(matches, cameras).places(held_out=held_out)
+    return views, errors_px(views, xy, cameras.pixtocams, cameras.camtoworlds)
 
 
 def in_views(matches: Matches, cameras: Cameras, views: prepare.PosedViews) -> Matches:

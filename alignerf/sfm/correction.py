@@ -50,12 +50,14 @@ LENS = ["zoom", "focal_length", "principal_point", "distortion"]
 class Attempt(NamedTuple):
     """Cameras that an adjustment began with, and what came of it.
 
-    found: None where held-out matches do not gain, and why they do not.
+    found: None where held-out matches do not gain, and why they do not. gain_px: what
+    they gain, 0 without it.
     """
 
     start: calibration.Cameras
     found: bundle.Adjusted | None
     why: str = ""
+    gain_px: float = 0.0
 
     @property
     def cameras(self):
@@ -81,9 +83,10 @@ class Search(NamedTuple):
         except bundle.TooFewError as error:
             return Attempt(start, None, str(error))
         judged = self.judge(start, found.cameras)
+        if judged.accepted:
+            return Attempt(start, found, gain_px=judged.gain_px)
         change = f"{judged.before_px:.2f} -> {judged.after_px:.2f} px"
-        why = f"held-out matches {change}: no gain"
-        return Attempt(start, found if judged.accepted else None, why)
+        return Attempt(start, None, f"held-out matches {change}: no gain")
 
     def fewest(self, start) -> bundle.Adjusted:
         """Cameras adjusted by the fewest parameters that held-out matches ask for.
@@ -116,7 +119,7 @@ class Search(NamedTuple):
         plain, alone = self.attempt(start), self.judge(start, by_lens)
         if not (alone.accepted and (self.lens or "distortion" not in changed)):
             return plain
-        if alone.gain_px < MOSTLY * max(self.judge(start, plain.cameras).gain_px, 0):
+        if alone.gain_px < MOSTLY * plain.gain_px:
             return plain
         other = self.attempt(by_lens)
         # What a lens seems to explain may be a turn of all cameras.

@@ -172,9 +172,8 @@ def solved(some: Matches, cameras: Cameras, motions, free):
     def errors(values):
         numbers = np.zeros(NUMBERS)
         numbers[free] = values
-        moved, now = changed(some, cameras, motions, numbers)
-        views, xy = calibration.undistorted(moved, now).places()
-        return calibration.errors_px(views, xy, now.pixtocams, now.camtoworlds)
+        moved_and_now = changed(some, cameras, motions, numbers)
+        return calibration.errors_of_matches(*moved_and_now)[1]
 
     limit = MAX_FRACTION * np.hypot(some.width, some.height) / 2
     fit = optimize.least_squares(

@@ -261,16 +261,16 @@ def match(database, count, seed, pairs=None):
                 running.callback(jobs[-1].wait)
                 running.callback(jobs[-1].kill)
             with _told("matching", parts, len(pairs), unit="pair"):
-                while any(job.poll() is None for job in jobs):
-                    if any(job.poll() for job in jobs):
-                        break
+                codes = [job.poll() for job in jobs]
+                while None in codes and not any(codes):
                     time.sleep(POLL_S)
-        for part, job in zip(parts, jobs, strict=True):
-            if job.returncode:
-                said = faults.content(part.with_suffix(".log"), MAX_LOG_BYTES)
-                last = said.decode(errors="replace").strip()[-500:]
-                last = last or "killed, perhaps for want of memory"
-                raise RuntimeError(f"a process that matches has stopped: {last}")
+                    codes = [job.poll() for job in jobs]
+        # Not of those that were ended after it.
+        if failed := [part for part, code in zip(parts, codes, strict=True) if code]:
+            said = faults.content(failed[0].with_suffix(".log"), MAX_LOG_BYTES)
+            last = said.decode(errors="replace").strip()[-500:]
+            last = last or "killed, perhaps for want of memory"
+            raise RuntimeError(f"a process that matches has stopped: {last}")
         for part in parts:
             take_pairs(database, part)
 
@@ -325,12 +325,13 @@ def take_pairs(database, part):
 def _told(step, databases, total, *, unit):
     """Show how far a step of COLMAP is, by the rows of its databases' table."""
     table = {"photo": "keypoints", "pair": "two_view_geometries"}[unit]
-    known, before = {}, {one: rows(one, table) or 0 for one in databases}
+    # Several are copies of one.
+    known, before = {}, rows(databases[0], table) or 0
 
     def count():
         for database in databases:
             if (found := rows(database, table)) is not None:
-                known[database] = found - before[database]
+                known[database] = found - before
         return sum(known.values())
 
     return progress.watched(f"COLMAP: {step}", total, count, unit=unit)
