@@ -116,6 +116,18 @@ def test_several_processes_find_the_same_matches(noisy, monkeypatch):
     assert len(found[0]) >= 6
 
 
+def test_of_several_processes_the_one_that_failed_is_told(noisy, monkeypatch):
+    """The one before it is ended, and says nothing."""
+    path, names = noisy
+    mapping.extract(path, path.parent, names, 256)
+    monkeypatch.setattr(mapping.machine, "cores", lambda: 2)
+    monkeypatch.setattr(mapping, "MIN_PAIRS", 1)
+    waits = "sys.argv[2].endswith('0.db') and time.sleep(60)"
+    monkeypatch.setattr(mapping, "MATCH", f"import sys, time; {waits}; sys.exit('no')")
+    with pytest.raises(RuntimeError, match="has stopped: no$"):
+        mapping.match(path, 5, seed=0)
+
+
 def test_a_process_that_fails_says_why(noisy, monkeypatch):
     path, names = noisy
     mapping.extract(path, path.parent, names, 256)
