@@ -124,7 +124,7 @@ def test_of_several_processes_the_one_that_failed_is_told(noisy, monkeypatch):
     monkeypatch.setattr(mapping, "MIN_PAIRS", 1)
     waits = "sys.argv[2].endswith('0.db') and time.sleep(60)"
     monkeypatch.setattr(mapping, "MATCH", f"import sys, time; {waits}; sys.exit('no')")
-    with pytest.raises(RuntimeError, match="has stopped: no$"):
+    with pytest.raises(RuntimeError, match=r"has stopped: no$"):
         mapping.match(path, 5, seed=0)
 
 
