@@ -24,7 +24,7 @@ STEPS = 5
 
 def run(options):
     """Rows: the peaks over the photos' size as uint8."""
-    count, width, height = (6, 256, 168) if options.quick else (170, 2560, 1680)
+    count, width, height = (40, 1024, 672) if options.quick else (170, 2560, 1680)
     job = cases.make_job(
         cases.TINY if options.quick else cases.GRID,
         batch_rays=16 if options.quick else 1024,

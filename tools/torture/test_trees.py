@@ -30,9 +30,7 @@ def test_an_export_keeps_what_is_a_user_s(tmp_path):
         (place / name).write_text(name)
     photo = tmp_path / "photos/v03.png"
     cases.write_png(photo, cases.picture(60))
-    # An export of other photos than the cameras were found by is refused.
-    run(tmp_path, "export", "mine", "--width=100", fails="v03.png: changed since")
-    run(tmp_path, "judge", *JUDGE, "--name=mine")
+    # What was made of the photo before is made anew.
     run(tmp_path, "export", "mine", "--width=100")
     for name in ("outputs/splat.ply", "images/notes.txt", "images_2/v00.png"):
         assert (place / name).read_text() == name
@@ -47,7 +45,7 @@ def test_an_export_keeps_what_is_a_user_s(tmp_path):
 JUDGE = ("--photos=photos", "--renders=renders", "--cameras=transforms.json")
 
 
-def run(folder, command, *words, fails=None):
+def run(folder, command, *words):
     """A command, in a process of its own."""
     module = f"alignerf.cli.{command}"
     done = subprocess.run(
@@ -57,6 +55,4 @@ def run(folder, command, *words, fails=None):
         capture_output=True,
         text=True,
     )
-    said = done.stdout + done.stderr
-    assert bool(fails) == bool(done.returncode), said
-    assert not fails or fails in said
+    assert done.returncode == 0, done.stdout + done.stderr
