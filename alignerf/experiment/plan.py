@@ -65,11 +65,6 @@ class Experiment:
         return self.names("from_scratch") + self.names("from_scratch", False)
 
     @kept
-    def trained(self):
-        """Methods that train something: all but another program's renders."""
-        return self.names("trains")
-
-    @kept
     def baseline(self, method):
         """The method whose round 0 is the baseline of a method in tables."""
         return methods.of_method(self.methods[method]).baseline(self, method)
@@ -130,8 +125,6 @@ class Experiment:
 
         A shared training lies in the folder of another method.
         """
-        if method not in self.trained():
-            return layout.training(scene, f"{method}/round0")
         return self.at(scene, method, round).path
 
     @kept
@@ -168,7 +161,7 @@ class Experiment:
         """
         return [
             (name, k)
-            for name in self.trained()
+            for name in self.methods
             if self.is_scored(scene, name)
             for k in range(self.methods[name]["rounds"] + 1)
             if self.at(scene, name, k).folder == f"{name}/round{k}"
@@ -184,11 +177,6 @@ class Experiment:
         own, whole = self.scenes[scene], self.config["training"]
         key = "steps" if whole["steps"] else "budget_min"
         return own[key] / whole[key] if own[key] else None
-
-    def scored(self, scene):
-        """(method, round) of all that is scored: trainings, then given renders."""
-        given = [n for n in self.names("trains", False) if self.is_scored(scene, n)]
-        return [*self.all_rounds(scene), *((name, 0) for name in given)]
 
     def reference_round(self, scene):
         """The round whose renders the warped test set is made from."""
@@ -308,7 +296,6 @@ def folders(experiments):
     names = set()
     for one in experiments:
         names |= set(one.trainings(next(iter(one.scenes))))
-        names |= {f"{name}/round0" for name in one.names("trains", False)}
     return one_of(names)
 
 
@@ -318,7 +305,7 @@ def check_equal(experiment):
     The second method would have no row in any table.
     """
     scene, first = next(iter(experiment.scenes)), {}
-    for name in experiment.trained():
+    for name in experiment.methods:
         rounds = tuple(t.folder for t in experiment.rounds_of(scene, name))
         if rounds in first:
             what = f"the same as methods.{first[rounds]}: trained once, it has one name"
@@ -328,7 +315,7 @@ def check_equal(experiment):
 
 def check_lengths(experiment):
     """Raise ValueError for lengths that no scene has, or the baseline lacks."""
-    for name in experiment.trained():
+    for name in experiment.methods:
         at = [one for one in experiment.scenes if experiment.is_scored(one, name)]
         where = f"config: methods.{name}.lengths"
         if not at:

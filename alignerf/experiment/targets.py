@@ -262,7 +262,7 @@ def exports(experiment):
             whats = of_judged(scene) * capture.can_export(experiment.scenes[scene])
             folders += [layout.Scene(scene).export(method, what) for what in whats]
             continue
-        for method in experiment.trained():
+        for method in experiment.methods:
             last = experiment.methods[method]["rounds"]
             training = experiment.at(scene, method, last)
             at = layout.Scene(scene)

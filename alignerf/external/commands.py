@@ -98,14 +98,14 @@ def run_of_job(template, args, **more) -> float:
 def timing(steps, seconds):
     """The content of timing.json; what only the program knows is null.
 
-    steps: None where they are not known; seconds: of training, 0 of finished renders.
+    steps: None where they are not known; seconds: None of finished renders.
     """
     return {
         "stage": "external",
         "steps": steps,
         "rays_seen": None,
         "params": None,
-        "train_time_s": round(seconds, 3),
+        "train_time_s": seconds and round(seconds, 3),
         "compile_time_s": 0.0,
         "device": None,
     } | provenance.facts()

@@ -39,7 +39,7 @@ OPTIONS = commands.OPTIONS | {
 def main(argv=None):
     args = faults.arguments(argv, __doc__, OPTIONS)
     job = args.config = commands.job_of(args.config)
-    seconds = train(job, args) if job.train else 0.0
+    seconds = train(job, args) if job.train else None
     timing = commands.timing(job.steps, seconds)
     with (
         atomic.replace_file(args.timing) as path,

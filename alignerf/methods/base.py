@@ -61,9 +61,8 @@ class Method:
     jobs = ()
     # Places of keys that name folders, with {scene} in them.
     folders = ()
-    # Whether it trains anything, by our code, from scratch so that others are set
-    # against it.
-    trains = ours = True
+    # Whether our code trains it, from scratch so that others are set against it.
+    ours = True
     from_scratch = False
     # Whether it aligns itself while it trains, which the verdict then judges.
     in_loop = False

@@ -142,8 +142,10 @@ class Other(rounds.Rounds):
         return Job(external=Commands(**commands, **used))
 
     def baseline(self, experiment, name):
-        """The first method with the same commands."""
+        """The first with the same commands; of finished renders the reference."""
         known = experiment.methods
+        if known[name]["external"]["renders"]:
+            return experiment.config["reference"]["method"]
         return next(
             other
             for other in known

@@ -21,8 +21,7 @@ from alignerf.io import atomic, csv_files, faults, json_files, provenance
 from alignerf.tables import columns
 
 # Of a training; seconds are without compilation.
-UNKNOWN = ("steps", "rays_seen", "params")
-TRAINED = (*UNKNOWN, "train_time_s", "compile_time_s")
+TRAINED = ("steps", "rays_seen", "params", "train_time_s", "compile_time_s")
 
 
 OPTIONS = {
@@ -86,9 +85,8 @@ def line_of(row):
         line[name] = " ".join(line[name])
     files = row.files
     if "timing" in files:
-        kinds = dict.fromkeys(TRAINED, json_files.NUMBER)
-        # Of another program's training they are not known.
-        kinds |= dict.fromkeys(UNKNOWN, json_files.NUMBER_OR_NONE)
+        # Of another program's training some are not known.
+        kinds = dict.fromkeys(TRAINED, json_files.NUMBER_OR_NONE)
         timing = json_files.read(files["timing"], kinds)
         line |= {name: timing[name] for name in TRAINED}
         line |= provenance.of_training(files["timing"])

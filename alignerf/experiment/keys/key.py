@@ -45,6 +45,7 @@ REMOVED = {
     "depth_scale": ": `depth` is in the unit of the cameras",
     "dilation": ": the method `aligned_loss: {}` replaces dilated patches",
     "max_rounds": ": `rounds` is a number; two are enough",
+    "renders": ": a method has `external: {renders: FOLDER}`",
     "warm_start": ": each round trains from scratch, as in the paper",
     "regimes": ": `snakemake comparison` has its rows, `table4` those of the paper",
 }

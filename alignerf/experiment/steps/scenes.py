@@ -132,7 +132,7 @@ def test_views(experiment, scene):
     method = experiment.config["reference"]["method"]
     every = range(experiment.methods[method]["rounds"] + 1)
     shown = [(experiment.folder(scene, method, k), None) for k in every]
-    moved = [n for n in experiment.trained() if experiment.moves(n, 0)]
+    moved = [n for n in experiment.methods if experiment.moves(n, 0)]
     others = at_length(experiment, scene, [*experiment.names("in_loop"), *moved])
     for name in dict.fromkeys(others):
         shown.append((experiment.folder(scene, name, 0), name))
@@ -153,7 +153,7 @@ def compared(experiment, scene):
     if "test" not in experiment.capture(scene).splits(experiment.scenes[scene]):
         return []
     others = [*experiment.names("in_crops")]
-    others += [n for n in experiment.trained() if "cameras" in experiment.moves(n, 0)]
+    others += [n for n in experiment.methods if "cameras" in experiment.moves(n, 0)]
     others = at_length(experiment, scene, others)
     bases = [experiment.baseline(method) for method in others]
     chosen = []
@@ -210,7 +210,7 @@ def corrections(experiment, scene):
         return {}
     return {
         name: experiment.folder(scene, name, 0).cameras
-        for name in at_length(experiment, scene, experiment.trained())
+        for name in at_length(experiment, scene, experiment.methods)
         if "cameras" in experiment.moves(name, 0)
     }
 
@@ -301,11 +301,11 @@ def moved_cameras(experiment, scene):
         if not capture.can_export(experiment.scenes[scene]):
             return None
         return "flow", exported(experiment, scene, reference, "cameras")[0]
-    chosen = {n: experiment.methods[n] for n in experiment.trained()}
-    known = at_length(experiment, scene, chosen)
+    known = at_length(experiment, scene, experiment.methods)
     moving = [name for name in known if "cameras" in experiment.moves(name, 0)]
-    moving.sort(key=lambda name: -methods.of_method(chosen[name]).order)
-    for name in (*moving, *[reference] * (reference in chosen)):
+    order = {n: methods.of_method(m).order for n, m in experiment.methods.items()}
+    moving.sort(key=lambda name: -order[name])
+    for name in (*moving, reference):
         training = last_training(experiment, scene, name)
         if targets.moves_cameras(training):
             return name, training.path.cameras

@@ -226,8 +226,7 @@ def evaluate(experiment, w):
     Renders by moved cameras are scored on the photos alone, and in PSNR alone.
     """
     scene, at = layout.Scene(w.scene), layout.training(w.scene, w.training)
-    method, own = w.training.partition("/")[0], {}
-    inputs = {"truth": experiment.truth_of(w.scene)}
+    own, inputs = {}, {"truth": experiment.truth_of(w.scene)}
     options = {"scene": scene} | inputs
     if w.moved:
         options["aligned_pose"] = inputs["renders"] = at.aligned_pose
@@ -235,11 +234,7 @@ def evaluate(experiment, w):
         lpips = experiment.config["lpips"]
         own["weights"] = list(lpips.values())
         options |= {f"lpips_{net}": path for net, path in lpips.items()}
-        if method in experiment.names("trains", False):
-            folder = experiment.methods[method]["renders"].replace("{scene}", w.scene)
-            options["renders"] = own["renders"] = folder
-        else:
-            options["renders"] = inputs["renders"] = f"{at.renders}/test"
+        options["renders"] = inputs["renders"] = f"{at.renders}/test"
         options["testset"] = scene.testset
         inputs["testset"] = [scene.testset_flow, scene.testset_warped]
         inputs["testset"] += control_folders(scene)

@@ -10,7 +10,7 @@ PUBLISHED = sources.PIPELINE / "results" / "published"
 
 
 class Row(NamedTuple):
-    """A training, or renders that are given: its names, and its files.
+    """A training: its names, and its files.
 
     folder: below the scene's. method, round: as tables call it; None for a training
     that only leads to others. description: field and kind of the method, in words.
@@ -67,9 +67,9 @@ def shown_in(rows):
 
 def of_scene(experiment, scene):
     """All that is scored in a scene, and what leads there, with all that is known."""
-    rows = collected(experiment, scene, experiment.scored(scene), aligned_pose=True)
+    rows = collected(experiment, scene, experiment.all_rounds(scene), aligned_pose=True)
     for row in rows:
-        if row.method and row.way:
+        if row.method:
             at = layout.training(scene, row.folder)
             row.files["parts"] = at.decomposition("test")
     return rows
@@ -106,8 +106,21 @@ def scored(experiment, scene, method, round, aligned_pose):
     baseline = experiment.baseline(method)
     base = experiment.folder(scene, baseline, 0).name
     moved = experiment.moves(method, round)
-    row = Row(
-        *(at.name, [], [], [], {"scores": at.metrics}),
+    training = experiment.at(scene, method, round)
+    files = {"scores": at.metrics} | costs_of(at)
+    # Only a model of ours can be asked for a view by another camera.
+    if aligned_pose and experiment.config["aligned_pose"] and training.job.ours:
+        files["aligned_pose"] = at.metrics_aligned_pose
+    corrected = [one.folder for one in trainings.moved_for(training)]
+    if experiment.input_cameras(scene, method):
+        corrected.append(training.folder)
+        files["corrections"] = layout.Scene(scene).adjusted_report
+    return Row(
+        folder=at.name,
+        way=[one.folder for one in trainings.lead_to(training)],
+        flows=[one.folder for one in trainings.rendered_for(training)],
+        corrected=corrected,
+        files=files,
         method=method,
         round=round,
         description=experiment.label(method),
@@ -116,24 +129,6 @@ def scored(experiment, scene, method, round, aligned_pose):
         published=experiment.methods[method]["published"],
         moves_cameras="cameras" in moved,
         moves_photos="photos" in moved,
-    )
-    if method not in experiment.trained():
-        return row
-    training = experiment.at(scene, method, round)
-    files = row.files | costs_of(at)
-    # Only a model of ours can be asked for a view by another camera.
-    moves = experiment.config["aligned_pose"] and training.job.ours
-    if aligned_pose and moves:
-        files["aligned_pose"] = at.metrics_aligned_pose
-    corrected = [one.folder for one in trainings.moved_for(training)]
-    if experiment.input_cameras(scene, method):
-        corrected.append(training.folder)
-        files["corrections"] = layout.Scene(scene).adjusted_report
-    return row._replace(
-        way=[one.folder for one in trainings.lead_to(training)],
-        flows=[one.folder for one in trainings.rendered_for(training)],
-        corrected=corrected,
-        files=files,
     )
 
 

@@ -104,7 +104,7 @@ def in_arm(experiment, scene):
     wrong = experiment.scenes[scene]["perturb_px"] > 0
     return [
         (name, 0)
-        for name in experiment.trained()
+        for name in experiment.methods
         if ("cameras" in experiment.moves(name)) == wrong
     ]
 
@@ -129,7 +129,7 @@ def rows_of(experiment, scene, table):
 
 # (method, round) of every row of a table across scenes, in its folder below a scene's.
 OF_TABLES = {
-    "comparison": lambda experiment, scene: experiment.scored(scene),
+    "comparison": lambda experiment, scene: experiment.all_rounds(scene),
     "arm": in_arm,
 }
 

@@ -111,11 +111,14 @@ def test_the_number_of_steps_is_part_of_it_where_it_asks(experiment_of):
 def test_finished_renders(tmp_path, experiment_of):
     (tmp_path / "of yard").mkdir()
     method = {"external": {"renders": f"{tmp_path}/of {{scene}}"}}
-    experiment = experiment_of(config_of({"theirs": method}))
+    experiment = experiment_of(config_of({"ours": {}, "theirs": method}))
     job = {"training": "theirs/round0"}
     read = cases.inputs("render", experiment, "yard", **job)
     assert read["finished"] == [f"{tmp_path}/of yard"]
     assert methods.label(experiment, "theirs") == "finished renders"
+    # Of a method beside others the test views are enough: it is scored.
+    assert experiment.splits("yard", "theirs/round0") == ["test"]
+    assert experiment.baseline("theirs") == "ours"
 
 
 EXTERNAL = "config: methods.theirs.external"
@@ -176,7 +179,7 @@ EXTERNAL = "config: methods.theirs.external"
             {"pose_optimization": {}},
             "config: methods.theirs.pose_optimization: not beside external",
         ),
-        ({"renders": "."}, "config: methods.theirs.external: not beside renders"),
+        ({"renders": "."}, "config: methods.theirs: 'renders' is no key of this "),
         (
             {"changes": "cameras"},
             "config: methods.theirs.changes: cameras need a round",

@@ -295,7 +295,7 @@ def test_what_is_asked_of_each_scene_is_found_once(demo, experiment_of):
     one, many = found(1), found(40)
     of_scenes = {key for key in one if "scene_0" in key}
     # What is of no scene is the same; of each scene there is as much as of one.
-    assert one.keys() - of_scenes >= {("trained",), ("names", "trains")}
+    assert one.keys() - of_scenes >= {("in_order",), ("names", "ours")}
     assert all(many[key] == one[key] for key in one.keys() - of_scenes)
     assert len(many) - len(one) == 39 * len(of_scenes)
 

@@ -130,7 +130,7 @@ def test_methods_of_some_lengths_are_scored_and_shown_at_these(demo, experiment_
     }
     experiment = experiment_of(of_demo(demo, methods, vary={"lengths": [1, 4]}))
     for scene, known in (("courtyard", methods), ("courtyard_x4", ["plain"])):
-        found = experiment.scored(scene)
+        found = experiment.all_rounds(scene)
         assert {name for name, _ in found} == {*known}
         for rule in ("draw", "verdict", "page"):
             words = " ".join(map(str, cases.inputs(rule, experiment, scene).values()))

@@ -5,9 +5,8 @@ import yaml
 
 from alignerf import config as config_command
 from alignerf import methods, systems
-from alignerf.experiment import check, jobs, targets
+from alignerf.experiment import check, jobs
 from alignerf.experiment.tables import scenes
-from tests import step_cases as cases
 
 
 def system(demo, **model):
@@ -117,53 +116,6 @@ def test_what_is_made_for_the_baseline_is_refused(demo, stage):
     demo["methods"]["other"][stage] = {}
     with pytest.raises(ValueError, match=f"methods.other.{stage}: not of a model of k"):
         check.checked(demo)
-
-
-@pytest.fixture
-def with_renders(demo, tmp_path):
-    (tmp_path / "courtyard").mkdir()
-    demo["methods"]["given"] = {"renders": f"{tmp_path}/{{scene}}"}
-    return demo
-
-
-def test_given_renders_are_scored_and_no_more(with_renders, experiment_of, tmp_path):
-    experiment = experiment_of(with_renders)
-    trained = experiment.all_rounds("courtyard")
-    assert ("given", 0) not in trained
-    assert experiment.scored("courtyard") == [*trained, ("given", 0)]
-    job = {"training": "given/round0", "moved": ""}
-    found = cases.options("evaluate", experiment, "courtyard", **job)
-    assert found["renders"] == f"{tmp_path}/courtyard"
-    for table in ("", "comparison/"):
-        *others, row = scenes.rows_of(experiment, "courtyard", table)
-        assert (row.method, row.way, row.flows) == ("given", [], [])
-        assert row.base == "mipnerf360_large/round0"
-        assert row.files == {"scores": "results/courtyard/given/round0/metrics.csv"}
-        assert "given" not in {other.method for other in others}
-    assert not [path for path in targets.exports(experiment) if "given" in path]
-
-
-@pytest.mark.parametrize(
-    ("change", "reason"),
-    [
-        ({"rounds": 1}, "methods.given.rounds: not beside renders"),
-        ({"alignerf": {}}, "methods.given.alignerf: not beside renders"),
-        ({"model": "base"}, "methods.given.model: not beside renders"),
-        ({"renders": ""}, "renders: '' should match"),
-        ({"renders": "nowhere/{scene}"}, "renders: nowhere/courtyard does not exist"),
-        ({"renders": "x/{method}"}, "in braces only scene has a meaning"),
-    ],
-)
-def test_a_fault_of_given_renders_is_named(with_renders, change, reason):
-    with_renders["methods"]["given"] |= change
-    with pytest.raises(ValueError, match=reason):
-        check.checked(with_renders)
-
-
-def test_nothing_is_warped_onto_given_renders(with_renders):
-    with_renders["reference"] = {"method": "given"}
-    with pytest.raises(ValueError, match=r"reference.method: given is not trained"):
-        check.checked(with_renders)
 
 
 def test_defaults_of_all_systems_stand_in_the_schema():
