@@ -1,8 +1,10 @@
 """Shape checks on every typed function, and what the tests share."""
 
 import copy
+import functools
 import os
 import pathlib
+import pickle
 import signal
 import subprocess
 import sys
@@ -35,12 +37,14 @@ NUMERIC += [f"alignerf.{name}" for name in ("cameras", "rays", "keypoints")]
 NUMERIC += ["flow.camera", "flow.warping"]
 jaxtyping.install_import_hook(NUMERIC, "beartype.beartype")
 
+import filelock
 import jax
 import numpy as np
 import pytest
 import yaml
 
-from tests import dry_runs, ratchet
+from alignerf.scenes.courtyard import scene as courtyard
+from tests import forks, ratchet
 
 # One device in this process, whatever stage it calls first (see processes/devices.py).
 jax.devices()
@@ -75,6 +79,25 @@ def pytest_sessionfinish(session):
 def root():
     """The project's top folder."""
     return ROOT
+
+
+@pytest.fixture(scope="session", autouse=True)
+def worlds(tmp_path_factory):
+    """Each world of the courtyard is built once for all workers: that takes seconds."""
+    base, build = tmp_path_factory.getbasetemp(), courtyard.build_world
+    shared = base.parent if "PYTEST_XDIST_WORKER" in os.environ else base
+
+    @functools.cache
+    def kept(seed, place):
+        path = shared / f"{place}_{seed}.world"
+        with filelock.FileLock(f"{path}.lock"):
+            if not path.is_file():
+                path.write_bytes(pickle.dumps(build(seed=seed, place=place)))
+        return pickle.loads(path.read_bytes())
+
+    courtyard.build_world = lambda *, seed=0, place="courtyard": kept(seed, place)
+    yield
+    courtyard.build_world = build
 
 
 @pytest.fixture
@@ -153,7 +176,7 @@ def snakemake():
     environment = os.environ | {"PATH": os.pathsep.join([here, os.environ["PATH"]])}
 
     def run(folder, *arguments, root=ROOT, more=None):
-        command = [sys.executable, "-m", "snakemake", *dry_runs.PLAIN]
+        command = [sys.executable, "-m", "snakemake", *forks.PLAIN]
         command += ["--directory", folder, "--snakefile", root / "Snakefile"]
         done = subprocess.run(
             [*command, *arguments],
@@ -168,8 +191,19 @@ def snakemake():
 
 
 @pytest.fixture(scope="session")
-def dry_run():
-    """Plan, as `snakemake` with -n would, in half the time: see tests/dry_runs.py."""
-    planner = dry_runs.Planner()
-    yield planner.plan
-    planner.close()
+def forked(tmp_path_factory):
+    """`forked.snakemake` is the same in half the time: see tests/forks.py."""
+    started = forks.Forks(tmp_path_factory.mktemp("forks"))
+    yield started
+    started.close()
+
+
+@pytest.fixture(scope="session")
+def dry_run(forked):
+    """Plan, as `snakemake` with -n does, by which no job can run."""
+
+    def plan(folder, *arguments, **more):
+        assert "-n" in arguments
+        return forked.snakemake(folder, *arguments, **more)
+
+    return plan

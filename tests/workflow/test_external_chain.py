@@ -35,9 +35,7 @@ def rows_of(path):
         return list(csv.DictReader(file))
 
 
-def test_another_program_goes_in_rounds_to_the_page(
-    tmp_path, root, snakemake, subtests
-):
+def test_another_program_goes_in_rounds_to_the_page(tmp_path, root, forked, subtests):
     script = root / "tests" / "workflow" / "stand_in.py"
     program = f"{shlex.quote(sys.executable)} {shlex.quote(str(script))}"
     # Neither is read by a shell.
@@ -49,14 +47,14 @@ def test_another_program_goes_in_rounds_to_the_page(
     with subtests.test("a failure"):
         config.write_text(CONFIG.format(program=program, more="--fail"))
         target = "results/tiny/theirs/round0/timing.json"
-        code, output = snakemake(tmp_path, *options, target)
+        code, output = forked.snakemake(tmp_path, *options, target)
         assert code != 0
         *_, error, log, _ = output.strip().splitlines()
         said = "ended with exit code 1; its last line: stand_in: no more memory"
         assert error == f"error: {sys.executable} {said}"
         assert log.endswith("results/tiny/theirs/round0/logs/train.log")
     config.write_text(CONFIG.format(program=program, more=""))
-    code, output = snakemake(tmp_path, *options, "tiny")
+    code, output = forked.snakemake(tmp_path, *options, "tiny")
     assert code == 0, output[-3000:]
     with subtests.test("cameras"):
         check_cameras(folder)

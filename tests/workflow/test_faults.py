@@ -11,7 +11,7 @@ from PIL import Image
 
 from alignerf.experiment.checks import results
 from alignerf.io import owned
-from tests import dry_runs
+from tests import forks
 
 NOWHERE = {"source": "photos", "path": "no where"}
 TRAIN = {"scenes": {"train": {"source": "courtyard"}}}
@@ -86,7 +86,7 @@ def test_the_list_of_rules_says_what_each_makes(tmp_path, photos_of_tables, dry_
 def test_the_default_profile_loads_by_itself(tmp_path, root, dry_run, monkeypatch):
     """From wherever it is called: it is found beside the Snakefile."""
     monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr(dry_runs, "PLAIN", ())
+    monkeypatch.setattr(forks, "PLAIN", ())
     code, output = dry_run(tmp_path, "config", "-n", root=root)
     assert code == 1
     said = f"workflow specific profile {root / 'profiles' / 'default'} for"
@@ -120,12 +120,12 @@ def three_apart(folder):
         (three_apart, "my photos"),
     ],
 )
-def test_bad_photos_end_in_one_line(tmp_path, snakemake, fill, reason):
+def test_bad_photos_end_in_one_line(tmp_path, forked, fill, reason):
     (tmp_path / "my photos").mkdir()
     fill(tmp_path / "my photos")
     config = {"scenes": {"mine": {"source": "photos", "path": "my photos"}}}
     options = ("--configfile", write(tmp_path, config), "--cores", "2")
-    code, output = snakemake(tmp_path, *options)
+    code, output = forked.snakemake(tmp_path, *options)
     assert code == 1
     assert "Traceback" not in output
     (line,) = {line for line in output.splitlines() if line.startswith("error: ")}
@@ -144,14 +144,14 @@ def test_bad_photos_end_in_one_line(tmp_path, snakemake, fill, reason):
     assert names <= {Path("mine") / name for name in known}
 
 
-def test_a_run_waits_for_nobody_who_holds_its_results(tmp_path, snakemake):
+def test_a_run_waits_for_nobody_who_holds_its_results(tmp_path, forked):
     """As `make judge` does, from this checkout or from another."""
     (tmp_path / "my photos").mkdir()
     config = {"scenes": {"mine": {"source": "photos", "path": "my photos"}}}
     options = ("--configfile", write(tmp_path, config), "--cores", "1")
     (tmp_path / "results").mkdir()
     with filelock.FileLock(tmp_path / results.lock_of("mine")):
-        code, output = snakemake(tmp_path, *options)
+        code, output = forked.snakemake(tmp_path, *options)
     assert code == 1
     assert "error: results/mine: another run is at work there" in output
     assert not (tmp_path / "results/mine").exists()

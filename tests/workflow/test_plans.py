@@ -409,6 +409,37 @@ def test_what_the_readme_prints_needs_no_number_of_cores(tmp_path, snakemake):
     assert code == 0, output
 
 
+STAGES = ("train", "render_views", "align_test_poses", "evaluate", "tabulate")
+STAGES = (*(f"alignerf.{name}" for name in STAGES), "alignerf.tables.collect")
+STAGES += tuple(f"flow.{name}" for name in ("align", "decompose", "control_sets"))
+STAGES += ("flow.figures.scene", "alignerf.poses", "alignerf.config")
+
+
+@pytest.mark.parametrize(
+    ("path", "stages"),
+    [
+        ("flow/figures/drawing.py", {"figures.scene"}),
+        ("alignerf/tables/misalignment.py", {"tabulate"}),
+        ("alignerf/tables/collect.py", {"collect"}),
+        ("alignerf/metrics/lpips.py", {"evaluate"}),
+        (
+            "alignerf/contributions/frequency_loss.py",
+            {"train", "render_views", "align_test_poses"},
+        ),
+        (
+            "flow/__init__.py",
+            {"align_test_poses", "align", "decompose", "control_sets", "figures.scene"},
+        ),
+        ("flow/warping/controls.py", {"align_test_poses", "control_sets"}),
+        ("flow/camera/fit.py", {"align_test_poses", "decompose"}),
+    ],
+)
+def test_a_source_is_of_the_stages_that_run_it(path, stages):
+    """Whose sources change run again (tests/workflow/test_chain.py)."""
+    found = {one for one in STAGES if ROOT / path in sources.reached(one)}
+    assert found == {one for one in STAGES if one.endswith(tuple(stages))}
+
+
 def test_a_plan_asks_each_job_little(tmp_path):
     """Calls, not seconds, which depend on the machine: 282 a job, 97 to begin with."""
     written = write(tmp_path, planning.config_of(scenes=5))

@@ -9,6 +9,8 @@ from alignerf.scenes import cameras as posed
 from alignerf.sfm import mistakes
 from tests.alignerf.sfm import made
 
+# A third of what a scene of twelve photos has: enough, in a third of the time.
+POINTS = 150
 # Of two mistakes at once, some.
 SOME = [*mistakes.AXES, *mistakes.MEANINGS, "reversed_order"]
 SOME += [f"{way}_{axis}" for way in ("left_handed", "mirrored") for axis in "xyz"]
@@ -51,7 +53,7 @@ def test_the_config_knows_all_of_them():
 @pytest.mark.parametrize("mistake", SOME)
 def test_each_mistake_is_named_and_undone(rng, mistake):
     true = made.cameras(arc=2.5)
-    found = made.matched(true, rng)
+    found = made.matched(true, rng, points=POINTS)
     poses = planted(mistake, true.camtoworlds)
     told = mistakes.find(found, true.pixtocams, poses)
     assert list(told)[:2] == [mistakes.NONE, mistake]
@@ -63,7 +65,7 @@ def test_each_mistake_is_named_and_undone(rng, mistake):
 def test_orders_of_numbers_and_of_names(rng, order):
     true = made.cameras(13)
     names = sorted(f"p{k}" for k in range(13))
-    found = made.matched(true, rng)._replace(names=names)
+    found = made.matched(true, rng, points=POINTS)._replace(names=names)
     place = np.argsort(mistakes.order_of(order, names))
     poses = true.camtoworlds[place]
     told = mistakes.find(found, true.pixtocams, poses)
@@ -76,13 +78,13 @@ def test_orders_of_numbers_and_of_names(rng, order):
 @pytest.mark.parametrize("wrong", [0.0, 0.3])
 def test_poses_that_are_only_inexact_are_none(rng, px, wrong):
     true = made.cameras()
-    found = made.matched(true, rng, wrong=wrong)
+    found = made.matched(true, rng, points=POINTS, wrong=wrong)
     poses = posed.perturb_poses(true.camtoworlds, true.pixtocams, px, rng)
     assert list(mistakes.find(found, true.pixtocams, poses)) == [mistakes.NONE]
 
 
 def test_without_matches_nothing_is_told(rng):
     true = made.cameras()
-    found = made.matched(true, rng, unseen=range(12))
+    found = made.matched(true, rng, points=POINTS, unseen=range(12))
     poses = mistakes.turned(true.camtoworlds)
     assert list(mistakes.find(found, true.pixtocams, poses)) == [mistakes.NONE]

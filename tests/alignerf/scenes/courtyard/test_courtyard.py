@@ -8,6 +8,7 @@ from alignerf.captures import courtyard as of_courtyard
 from alignerf.scenes import cameras
 from alignerf.scenes.courtyard import rays as courtyard_rays
 from alignerf.scenes.courtyard import scene as courtyard
+from alignerf.scenes.courtyard import world as of_world
 
 WIDTH, HEIGHT, VIEWS = 80, 60, 12
 
@@ -44,7 +45,8 @@ def moved(motion, motion_m, seed=0):
 
 
 def test_same_seed_gives_same_photo_and_other_seed_another(world, posed):
-    twin = courtyard.build_world(seed=0)
+    # The one of the fixture is built once for all tests.
+    twin = of_world.build_world(seed=0)
     other = courtyard.build_world(seed=1)
     for view in (0, VIEWS // 2):
         photo = see(world, posed, view)
