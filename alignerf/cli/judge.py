@@ -100,9 +100,7 @@ def run(name, args):
     print(f"page, when it is finished: {targets.page_of(name)}", flush=True)
     if args.only_config:
         return
-    if code := workflow.run(
-        path, args.cores, "all", forced=forced(name, scene, judged)
-    ):
+    if code := workflow.run(path, args.cores, "all"):
         sys.exit(code)
 
 
@@ -303,17 +301,6 @@ def config_of(name, scene, judged):
     if len(judged.pairs) * width * height > MAX_PIXELS:
         config["flow"]["estimator"] = LARGE
     return config
-
-
-def forced(name, scene, judged):
-    """What is to be made anew: the pairs, where one of their files has changed."""
-    place = Path("results", name)
-    files = map(
-        originals.named, views.files_of(judged, base.section(scene, "external_renders"))
-    )
-    noted = originals.noted(place)
-    same = set(files) == set(noted) and not originals.changed(place)
-    return (str(place / "poses.json"),) if noted and not same else ()
 
 
 def every_nth(text):

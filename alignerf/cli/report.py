@@ -124,12 +124,8 @@ class Report:
         """Show an event, if a reader wants to know it."""
         kind = event["event"]
         if kind == "job_info" and event["output"]:
-            self.running[event["jobid"]] = Running(
-                event["rule_name"],
-                name_of(event["rule_name"], event["wildcards"], self.captures),
-                time.monotonic(),
-                event["log"],
-            )
+            of = (event["rule_name"], event["wildcards"], event["log"])
+            self.begin(event["jobid"], *of)
         elif kind in ("job_finished", "job_error"):
             self.end(event["jobid"], failed=kind == "job_error")
         elif kind == "progress":
@@ -138,6 +134,11 @@ class Report:
             self.total = event["total"]
         elif kind == "error":
             self.errors.append(event["text"])
+
+    def begin(self, key, rule, wildcards, logs):
+        """Show a job as running."""
+        name = name_of(rule, wildcards, self.captures)
+        self.running[key] = Running(rule, name, time.monotonic(), logs)
 
     def end(self, key, failed):
         """A line for a job that has ended, and what it tells. A target is no job."""
@@ -163,7 +164,9 @@ class Report:
 
     def state(self):
         """(share that is done, 'jobs done; jobs that run')."""
-        shown = {job.name: last_shown(job.logs) for job in self.running.values()}
+        # Of another thread's jobs, too.
+        running = [*self.running.values()]
+        shown = {job.name: last_shown(job.logs) for job in running}
         share = self.done / max(self.total, 1)
         text = f"{self.done} of {self.total} jobs"
         if len(shown) == 1 and (only := next(iter(shown.values()))) and only.left_s:

@@ -46,7 +46,7 @@ def run(path, cores, *wanted, overrides=(), forced=(), first=()):
     scenes = config["scenes"]
     captures = list(scenes)
     if path and light.takes(path):
-        code = light.run(path, cores, wanted, overrides, forced)
+        code = light.run(path, cores, wanted, overrides)
     elif importlib.util.find_spec("snakemake") is None:
         raise ValueError(NO_TRAINING)
     else:
@@ -121,24 +121,18 @@ def ended(process, look=lambda: None, stop=lambda: None):
     Snakemake has a session of its own, so that it is told once: its handler waits for a
     lock, which the thread that a second signal interrupts may hold.
     """
-    was_stopped, before = False, {one: signal.getsignal(one) for one in light.SIGNALS}
-    asking = [one for one, handler in before.items() if handler != signal.SIG_IGN]
-    try:
-        for one in asking:
-            signal.signal(one, signal.default_int_handler)
-        while process.poll() is None:
-            look()
-            time.sleep(POLL_S)
-    except KeyboardInterrupt:
-        was_stopped = True
-        stop()
-    finally:
-        for one in asking:
-            signal.signal(one, signal.SIG_IGN)
-        end(process)
-        for one in asking:
-            signal.signal(one, before[one])
-    code = light.STOPPED if was_stopped else process.returncode
+    with light.interruptible() as asked:
+        try:
+            while process.poll() is None:
+                look()
+                time.sleep(POLL_S)
+        except KeyboardInterrupt:
+            stop()
+        finally:
+            for one in light.SIGNALS:
+                signal.signal(one, signal.SIG_IGN)
+            end(process)
+    code = light.STOPPED if asked else process.returncode
     return code if code >= 0 else 128 - code
 
 

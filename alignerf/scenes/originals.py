@@ -83,6 +83,16 @@ def photos_alone(paths):
     return None
 
 
+def digest(scene, paths):
+    """One digest of the names and contents of files; `write` may know these already."""
+    known, found = noted(scene), {}
+    for path in filter(os.path.isfile, paths):
+        *before, content = known.get(named(path), [None])
+        same = stamp(path) == before
+        found[named(path)] = content if same else described(path)[2]
+    return hashlib.sha256(json_files.canonical(found).encode()).hexdigest()
+
+
 def changed(scene):
     """Paths of a scene's files that are gone, or have another content, since then."""
     return [path for path, before in noted(scene).items() if is_other(path, before)]

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 import yaml
 
-from alignerf.cli import judge
+from alignerf.cli import judge, light
 from alignerf.experiment import check, plan, targets
 from alignerf.experiment.checks import scenes as of_scenes
 from alignerf.io import owned
@@ -34,11 +34,11 @@ def here(tmp_path, monkeypatch):
 
 @pytest.fixture
 def runs(monkeypatch):
-    """What would be run: (config's path, targets, forced rules)."""
+    """What would be run: (config's path, targets)."""
     made = []
 
-    def run(path, cores, *names, overrides=(), forced=()):
-        made.append((str(path), names, forced))
+    def run(path, cores, *names):
+        made.append((str(path), names))
         return 0
 
     monkeypatch.setattr(judge.workflow, "run", run)
@@ -52,7 +52,7 @@ def options(**changes):
 
 def test_the_config_can_be_run(here, runs, capsys):
     judge.main(options(name="mine"))
-    assert runs == [("results/mine.yaml", ("all",), ())]
+    assert runs == [("results/mine.yaml", ("all",))]
     config = yaml.safe_load((here / "results/mine.yaml").read_text())
     assert config["scenes"]["mine"]["external_renders"]["splits"] == ["train", "test"]
     checked = check.checked(config)
@@ -102,42 +102,36 @@ def test_large_pairs_are_compared_faster(here, runs, monkeypatch):
 
 
 def made(config, results):
-    """Results of a config, as far as its files are noted in them."""
+    """Results of a config, as far as its files are noted in them; its scene."""
     owned.claim(results)
     (results / "images").mkdir(exist_ok=True)
     (scene,) = yaml.safe_load(config.read_text())["scenes"].values()
-    found = views.find(of_scenes.checked(scene))
+    scene = of_scenes.checked(scene)
+    found = views.find(scene)
     originals.write(results, views.files_of(found, scene["external_renders"]))
+    return scene
 
 
 @pytest.fixture
-def judged_before(here, runs):
-    """A judgement, and its results."""
-    judge.main(options(name="mine", depth="depth"))
-    made(here / "results/mine.yaml", here / "results/mine")
-    runs.clear()
-    return here
-
-
-@pytest.fixture
-def depth_of_all(here):
+def digest(here, runs):
+    """The digest of a judgement's files, whose results are there."""
     (here / "depth").mkdir()
     for name in cases.NAMES:
         np.save(here / "depth" / f"{name}.npy", np.ones((120, 160)))
-
-
-ANEW = ("results/mine/poses.json",)
+    judge.main(options(name="mine", depth="depth"))
+    results = here / "results/mine"
+    scene = made(here / "results/mine.yaml", results)
+    return lambda: light.opened(scene, results)
 
 
 @pytest.mark.parametrize(
     "changed", ["depth/v02.npy", "transforms.json", "renders/train/v02.png"]
 )
-def test_files_in_folders_are_looked_at(depth_of_all, judged_before, runs, changed):
+def test_files_in_folders_are_looked_at(here, digest, changed):
     """Snakemake looks at the time of a folder alone; an equal copy is no change."""
-    path = judged_before / changed
+    path, before = here / changed, digest()
     os.utime(path)
-    judge.main(options(name="mine", depth="depth"))
-    assert runs.pop()[2] == ()
+    assert digest() == before
     if path.suffix == ".npy":
         np.save(path, np.full((120, 160), 2.0))
     elif path.suffix == ".json":
@@ -145,20 +139,16 @@ def test_files_in_folders_are_looked_at(depth_of_all, judged_before, runs, chang
     else:
         cases.write_png(path, cases.picture(77))
     os.utime(path, (1, 1))
-    judge.main(options(name="mine", depth="depth"))
-    assert runs.pop()[2] == ANEW
+    assert digest() != before
 
 
-def test_a_render_taken_away_or_added_is_seen(depth_of_all, judged_before, runs):
-    render = judged_before / "renders" / "train" / "v01.png"
+def test_a_render_taken_away_or_added_is_seen(here, digest):
+    render, before = here / "renders" / "train" / "v01.png", digest()
     content = render.read_bytes()
     render.unlink()
-    judge.main(options(name="mine", depth="depth"))
-    assert runs.pop()[2] == ANEW
-    made(judged_before / "results/mine.yaml", judged_before / "results/mine")
+    assert digest() != before
     render.write_bytes(content)
-    judge.main(options(name="mine", depth="depth"))
-    assert runs.pop()[2] == ANEW
+    assert digest() == before
 
 
 def test_a_model_in_a_folder_is_looked_at(tmp_path):
