@@ -18,9 +18,8 @@
 # make tools                run the slow tests: packaging, browser, benchmarks
 # make lint                 check the format and the style of code and workflow
 # make bench                measure speed and memory, into results/bench/
-# make flow_benchmark       measure how accurate and how fast optical flow is
 # make peers PEERS=folder   compare with the code that the papers' authors released
-# make torture              try to break it for 20 minutes: bad files, kills, disks
+# make torture              try to break it for 20 minutes: bad files, links, kills
 # make docs                 rebuild the tables and figures of docs/ from docs/measured/
 # make site                 build docs/ as a website, in site/
 # make lock                 pin the versions of all packages again (needs uv)
@@ -39,7 +38,7 @@ unexport FOLDER SCENE WIDTH PHOTOS RENDERS SPLAT CAMERAS DEPTH OPTIONS JUDGE POS
 
 # `exec`: who ends make by a signal ends the program, and not a shell around it alone.
 .DEFAULT_GOAL := help
-.PHONY: help help-all run show photos poses judge export test tools bench flow_benchmark peers torture docs site lint cluster lock clean
+.PHONY: help help-all run show photos poses judge export test tools bench peers torture docs site lint cluster lock clean
 
 help:
 	@sed -n '/^# make show/q; s/^# \{0,1\}//p' $(firstword $(MAKEFILE_LIST))
@@ -94,17 +93,12 @@ tools: $(VENV)/.installed
 bench: $(VENV)/.installed
 	@python -m tools.bench $(if $(PEER),--peer $(PEER)) $(BENCH)
 
-# On the demo's renders too, where `make run` has made them.
-flow_benchmark: $(VENV)/.installed
-	@python -m tools.flow_benchmark $(if $(wildcard results/courtyard/truth), \
-		--configs results/courtyard/config.yaml --scene results/courtyard \
-		--renders mipnerf360_large/round0 mipnerf360_large/round2)
-
 peers: $(VENV)/.installed
 	@python -m tools.peers "$(PEERS)"
 
 torture: $(VENV)/.installed
-	@python -m tools.torture $(TORTURE)
+	@TORTURE_CASES=300 TORTURE_SEED=$$(date +%Y%m%d) \
+		pytest -n 2 --dist worksteal tools/torture $(TORTURE)
 
 docs: $(VENV)/.installed
 	@python -m tools.docs.tables

@@ -5,7 +5,6 @@ Notation: views n of h x w pixels; a model is the config's mapping of that name.
 
 import dataclasses
 import json
-import pathlib
 
 import numpy as np
 
@@ -14,20 +13,6 @@ from alignerf.scenes import prepare
 
 NEAR, FAR = 0.2, 1e6
 SAMPLES = [64, 64, 32]
-
-
-@dataclasses.dataclass(frozen=True)
-class Options:
-    """What the command line says."""
-
-    peer: str | None
-    repeats: int
-    quick: bool
-    data: pathlib.Path
-    out: pathlib.Path
-    # Of `pairs`: a run's results, and the method whose renders are checked.
-    results: pathlib.Path | None = None
-    method: str = "plain"
 
 
 def mlp_model(*, width, depth, proposal_width, proposal_depth, samples=None):
@@ -73,15 +58,6 @@ TRAINING = {
     "interlevel_weight": 1.0,
     "distortion_weight": 0.01,
 }
-
-
-def with_precision(model, precision):
-    """The same model with matrix products of another precision."""
-    fields = {key: model[key] | {"precision": precision} for key in FIELDS}
-    return model | fields
-
-
-FIELDS = ("proposal", "field")
 
 
 def make_job(model, *, batch_rays, steps=250_000, **training) -> jobs.Job:

@@ -11,11 +11,9 @@ that the CSV has are not run again. All are of one state of the rules, whose dig
 """
 
 import argparse
-import datetime
 import hashlib
 import json
 import os
-import platform
 import re
 import resource
 import shutil
@@ -35,7 +33,7 @@ from alignerf.exports import formats
 from alignerf.io import atomic, images, provenance
 from alignerf.scenes import cameras, distortion, prepare
 from alignerf.sfm import bundle, calibration, matches, mistakes, pose_error
-from tools.bench import camera_plants, raw_captures
+from tools.bench import camera_plants, measure, raw_captures
 
 HELD_OUT = ("fountain-P11", "Herz-Jesus-P8", "Herz-Jesus-P25", "entry-P10")
 HELD_OUT += ("templeRing", "dtu_scan65")
@@ -108,17 +106,12 @@ def write(path, rows):
     """Write the CSV below the lines that say where it comes from."""
     table = pd.DataFrame(rows)
     names = " ".join(table["capture"].unique())
-    head = {
-        "commit": provenance.commit(),
-        "lock": provenance.lock(),
-        "machine": f"{os.cpu_count()} cores of a shared {platform.machine()} machine",
-        "command": "python -m tools.bench.heldout_poses CAPTURES WORK --captures "
-        f"{names} --out FILE",
-        "measured": datetime.date.today(),
-    }
-    lines = "".join(f"# {key}: {value}\n" for key, value in head.items())
+    command = "python -m tools.bench.heldout_poses CAPTURES WORK --captures"
+    head = measure.head(
+        f"{command} {names} --out FILE", f"{os.cpu_count()} cores of a shared machine"
+    )
     with atomic.replace_file(path) as temporary:
-        temporary.write_text(lines + table.to_csv(index=False))
+        temporary.write_text(head + table.to_csv(index=False))
 
 
 def points_of(capture, path):

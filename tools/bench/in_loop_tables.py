@@ -15,7 +15,7 @@ import numpy as np
 import pandas as pd
 
 from alignerf.tables import intervals
-from tools.bench import equal_time
+from tools.bench import reproduction
 
 # Names in tables, and in columns of README's.
 SCENES = {
@@ -185,7 +185,7 @@ def at_time(points, time_s):
     ordered = sorted(points.values(), key=lambda point: point[0])
     seconds, scores = zip(*ordered, strict=True)
     values = np.stack([one["x"].to_numpy() for one in scores])
-    return equal_time.interpolated(np.array(seconds), values, time_s)
+    return reproduction.interpolated(np.array(seconds), values, time_s)
 
 
 def at_equal_time(rows, seed, share, method, score):

@@ -17,6 +17,7 @@ from typing import NamedTuple
 
 import numpy as np
 import pandas as pd
+from scipy import stats
 
 from alignerf import causes
 from alignerf.causes import base as of_causes
@@ -424,14 +425,11 @@ def counted(own):
     return found | {"false_each": round(own["false"].mean(), 3)}
 
 
-def wilson(right, count, z=1.96):
+def wilson(right, count):
     """95 % interval of a share (Wilson 1927); all of it where nothing was counted."""
     if not count:
         return 0.0, 1.0
-    share, spread = right / count, z**2 / count
-    middle = share + spread / 2
-    reach = z * math.sqrt(share * (1 - share) / count + spread / count / 4)
-    return (middle - reach) / (1 + spread), (middle + reach) / (1 + spread)
+    return tuple(stats.binomtest(int(right), count).proportion_ci(method="wilson"))
 
 
 def main(argv=None):

@@ -22,9 +22,7 @@ class Training:
         built = program.build(job, self.method, params, views)
         state = program.fresh_state(built.optimizer, params)
         self._state, self._views = devices.place((state, views), built.mesh)
-        self._step, self.compile_s = built.step, built.compile_time_s
-        # What the compiler counts of a step; of its micro-batches it counts one.
-        self.flop = built.step.cost_analysis()["flops"] * built.micro_batches
+        self._step = built.step
         self._schedule = program.schedule_of(job, built.mesh)
         memory.keep_freed()
 

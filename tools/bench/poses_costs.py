@@ -12,9 +12,6 @@ Errors are px of the photo: `pose_error.distance_px` at the room's surface.
 
 import argparse
 import contextlib
-import csv
-import datetime
-import hashlib
 import json
 import logging
 import os
@@ -28,6 +25,7 @@ from types import SimpleNamespace
 
 import cv2
 import numpy as np
+import pandas as pd
 
 from alignerf import poses as stage
 from alignerf.cli import poses as command
@@ -337,20 +335,6 @@ def found_in(out, given, width):
 KEYS = ("fl_x", "fl_y", "cx", "cy")
 
 
-def head(machine_text, command_text):
-    """The five lines of a measured CSV."""
-    lock = (measure.ROOT / "requirements.lock").read_bytes()
-    git = ["git", "-C", str(measure.ROOT), "rev-parse", "HEAD"]
-    lines = {
-        "commit": subprocess.check_output(git, text=True).strip(),
-        "lock": hashlib.sha256(lock).hexdigest()[:16],
-        "machine": machine_text,
-        "command": command_text,
-        "measured": datetime.date.today(),
-    }
-    return "".join(f"# {key}: {value}\n" for key, value in lines.items())
-
-
 def main(argv=None):
     parser = argparse.ArgumentParser(
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
@@ -368,40 +352,24 @@ def main(argv=None):
         row = run(work, int(count), int(width), kind == "given")
         print(LINE + json.dumps(row), flush=True)
         return
-    every = [
-        f"{kind}_{count}_{width}"
-        for count, width in CASES
-        for kind in ("given", "none")
-    ]
-    said = f"python -m tools.bench.poses_costs WORK --out {args.out.name}"
+    cases = [f"{kind}_{n}_{px}" for n, px in CASES for kind in ("given", "none")]
     if not args.out.is_file():
-        args.out.write_text(head(args.machine, said))
-    lines = args.out.read_text().splitlines()
-    there = [
-        f"{row['cameras']}_{row['photos']}_{row['width']}"
-        for row in csv.DictReader(line for line in lines if line[0] != "#")
-    ]
-    for name in args.cases or every:
-        if name in there:
-            continue
-        module = [sys.executable, "-m", "tools.bench.poses_costs", str(work)]
-        done = subprocess.run(
-            [*module, "--one", name],
-            cwd=measure.ROOT,
-            stdout=subprocess.PIPE,
-            text=True,
-        )
-        found = [one for one in done.stdout.splitlines() if one.startswith(LINE)]
-        if done.returncode or not found:
-            raise ValueError(f"{name}: ended with {done.returncode}")
-        row = json.loads(found[0].removeprefix(LINE))
-        with open(args.out, "a", newline="", encoding="utf-8") as file:
-            table = csv.DictWriter(file, row)
-            if not there:
-                table.writeheader()
-            table.writerow(row)
-        there.append(name)
-        print(row, flush=True)
+        said = f"python -m tools.bench.poses_costs WORK --out {args.out.name}"
+        args.out.write_text(measure.head(said, args.machine) + "cameras\n")
+    kept = args.out.read_text().splitlines(keepends=True)
+    head = "".join(line for line in kept if line[0] == "#")
+    rows = pd.read_csv(args.out, comment="#").to_dict("records")
+    there = [f"{row['cameras']}_{row['photos']}_{row['width']}" for row in rows]
+    for name in args.cases or cases:
+        if name not in there:
+            words = [sys.executable, "-m", "tools.bench.poses_costs", str(work)]
+            done = subprocess.run(
+                [*words, "--one", name], check=True, stdout=subprocess.PIPE, text=True
+            )
+            (found,) = (x for x in done.stdout.splitlines() if x.startswith(LINE))
+            rows.append(json.loads(found.removeprefix(LINE)))
+            args.out.write_text(head + pd.DataFrame(rows).to_csv(index=False))
+            print(rows[-1], flush=True)
 
 
 if __name__ == "__main__":

@@ -7,7 +7,6 @@ runs not finished are left out. Scenes of one name are pooled over their seeds.
 
 --budget: a row for each scene, length and method. Gains are over plain training of as
 many steps, and of as many seconds, where its score is interpolated between its lengths.
---pairs: a row for each method M_loss over the method M of the same model.
 """
 
 import argparse
@@ -19,9 +18,10 @@ import pandas as pd
 
 from alignerf.io import faults
 from alignerf.tables import frame, scores
-from tools.bench import equal_time
 
 TABLE = "comparison"
+# Seconds of equal trainings differ by up to this factor from run to run.
+SLACK = 1.05
 NAME = re.compile(r"(?P<scene>.+?)(_seed(?P<seed>\d+))?(_x(?P<share>[\d.]+))?")
 # Test sets of the gains, and the best known truth of a scene first.
 TRUTHS = ("oracle", "aligned_pose", "warped")
@@ -59,22 +59,15 @@ NAMES = {
 def main(argv=None):
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("results", type=Path)
-    parser.add_argument("--scenes", nargs="+", help="names of those in --budget")
+    parser.add_argument("--scenes", nargs="+", required=True)
     parser.add_argument("--steps", type=int, default=2000, help="of length 1")
     parser.add_argument("--pixels", type=float, help="of the training photos")
-    parser.add_argument("--budget", type=Path)
-    parser.add_argument("--pairs", type=Path)
+    parser.add_argument("--budget", type=Path, required=True)
     args = parser.parse_args(argv)
     views = read(args.results)
-    if (args.budget or args.pairs) and not args.scenes:
-        parser.error("--budget and --pairs need --scenes")
-    scenes = [views[views["scene"] == name] for name in args.scenes or ()]
-    if args.budget:
-        rows = [row for own in scenes for row in budget_of(own, args)]
-        pd.DataFrame(rows).to_csv(args.budget, index=False, float_format="%.4g")
-    if args.pairs:
-        rows = [row for own in scenes for row in pairs_of(own)]
-        pd.DataFrame(rows).to_csv(args.pairs, index=False, float_format="%.4g")
+    scenes = [views[views["scene"] == name] for name in args.scenes]
+    rows = [row for own in scenes for row in budget_of(own, args)]
+    pd.DataFrame(rows).to_csv(args.budget, index=False, float_format="%.4g")
 
 
 def read(results):
@@ -144,24 +137,6 @@ def budget_of(views, args):
             yield row
 
 
-def pairs_of(views):
-    """Rows of a scene: what the aligned loss brings to each model."""
-    truth = next(t for t in TRUTHS if t in set(views["test_set"]))
-    for name in views["method"].drop_duplicates():
-        if f"{name}_loss" in set(views["method"]):
-            own = views[views["method"] == f"{name}_loss"]
-            found, seeds = gain(views, (f"{name}_loss", 0), (name, 0), truth, "gain_")
-            plain = psnr_db(views, (name, 0), truth).values()
-            yield {
-                "model": name,
-                "params": own["params"].iloc[0],
-                "rays_million": own["rays_seen"].iloc[0] / 1e6,
-                "plain_db": np.mean([one.mean() for one in plain]),
-                **found,
-                "seeds": seeds,
-            }
-
-
 def epochs_of(mine, pixels):
     """How often a training saw each training pixel; None: their number is not given."""
     return mine["rays_seen"].iloc[0] / pixels if pixels else None
@@ -172,11 +147,35 @@ def at_equal_time(mine, base, truth):
     gains = []
     for seed, own in mine.groupby("seed"):
         theirs = base[base["seed"] == seed]
-        at = equal_time.at_time(theirs, own["total_time_s"].iloc[0], truth)
+        at = at_time(theirs, own["total_time_s"].iloc[0], truth)
         own = own[own["test_set"] == truth].set_index("view")["psnr_db"].sort_index()
         if len(at) == len(own) and not np.isnan(at).any():
             gains.append(own.to_numpy() - at)
     return scores.pooled_mean_and_interval(gains, "seconds_") if gains else {}
+
+
+def at_time(own, time_s, test_set):
+    """PSNR in dB of the views [n] at a time; NaN outside the times of the trainings.
+
+    own: lines of one method and seed, of all its lengths.
+    """
+    lines = own[own["test_set"] == test_set]
+    if lines["share"].nunique() < own["share"].nunique():
+        return np.array([np.nan])
+    wide = lines.pivot(
+        index=["total_time_s", "share"], columns="view", values="psnr_db"
+    ).sort_index(level="total_time_s")
+    return interpolated(
+        wide.index.get_level_values(0).to_numpy(), wide.to_numpy(), time_s
+    )
+
+
+def interpolated(seconds, psnr_db, time_s):
+    """dB of the views [n] at a time; psnr_db: [lengths, n] after rising seconds."""
+    if not seconds[0] / SLACK <= time_s <= seconds[-1] * SLACK:
+        return np.full(psnr_db.shape[1], np.nan)
+    at = np.log(np.clip(time_s, seconds[0], seconds[-1]))
+    return np.array([np.interp(at, np.log(seconds), view) for view in psnr_db.T])
 
 
 if __name__ == "__main__":

@@ -11,49 +11,14 @@ import pytest
 import yaml
 
 from tools.cluster import one_host
+from tools.torture import chains
 
 pytest.importorskip("snakemake_executor_plugin_slurm", reason="make cluster")
 if reason := one_host.missing():
     pytest.skip(reason, allow_module_level=True)
 
-CONFIG = {
-    "scenes": {
-        "tiny": {
-            "source": "courtyard",
-            "poses": "truth",
-            "test_every": 4,
-            "courtyard": {
-                "views": 8,
-                "width": 64,
-                "height": 48,
-                "supersample": 1,
-                "lens_sigma_px": 0.0,
-            },
-        }
-    },
-    "models": {
-        "base": {
-            "samples": [16, 8],
-            "proposal": {
-                "kind": "grid",
-                "levels": 4,
-                "log2_hashmap_size": 10,
-                "max_resolution": 64,
-                "width": 8,
-            },
-            "field": {
-                "kind": "grid",
-                "levels": 4,
-                "log2_hashmap_size": 10,
-                "max_resolution": 64,
-                "width": 8,
-                "view_widths": [8],
-            },
-        }
-    },
-    "methods": {"mipnerf360": {}},
-    "training": {"steps": 60, "batch_rays": 128},
-}
+CONFIG = yaml.safe_load(chains.CONFIG) | {"preflight": True}
+CONFIG["methods"] = {"mipnerf360": {}}
 PREFLIGHT = "results/tiny/preflight.json"
 TRAINED = "results/tiny/mipnerf360/round0/timing.json"
 CHECKPOINTS = "results/tiny/mipnerf360/round0/checkpoints"

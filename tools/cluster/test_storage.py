@@ -10,6 +10,7 @@ import pytest
 import yaml
 
 from tools.cluster import kubernetes_api
+from tools.torture import chains
 
 WHY = "not installed: pip install snakemake-storage-plugin-s3 'moto[server]'"
 pytest.importorskip("snakemake_storage_plugin_s3", reason=WHY)
@@ -19,38 +20,8 @@ boto3 = pytest.importorskip("boto3", reason=WHY)
 BUCKET, PREFIX = "alignerf", "some/where"
 STORAGE = ("--default-storage-provider", "s3")
 STORAGE += ("--default-storage-prefix", f"s3://{BUCKET}/{PREFIX}")
-FIELD = {
-    "kind": "grid",
-    "levels": 2,
-    "log2_hashmap_size": 8,
-    "max_resolution": 32,
-    "width": 8,
-}
-CONFIG = {
-    "preflight": False,
-    "scenes": {
-        "tiny": {
-            "source": "courtyard",
-            "poses": "truth",
-            "test_every": 4,
-            "courtyard": {"views": 8, "width": 48, "height": 36, "supersample": 1},
-        }
-    },
-    "models": {
-        "base": {
-            "samples": [4, 4],
-            "proposal": FIELD,
-            "field": FIELD | {"view_widths": [8]},
-        }
-    },
-    "methods": {"plain": {"model": "base", "rounds": 0}},
-    "training": {
-        "steps": 10,
-        "batch_rays": 64,
-        "learning_rates": [0.01, 0.001],
-        "warmup_steps": 3,
-    },
-}
+CONFIG = yaml.safe_load(chains.CONFIG)
+CONFIG["methods"] = {"plain": {"model": "base", "rounds": 0}}
 DECISIONS = "results/tiny/decisions.json"
 FACTS = "results/tiny/facts.json"
 

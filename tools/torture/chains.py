@@ -2,7 +2,6 @@
 
 import os
 import shutil
-import signal
 import subprocess
 import sys
 import time
@@ -43,8 +42,6 @@ training: { steps: 60, batch_rays: 128 }
 flow: { estimator: dis_fine, tolerance_px: 4.0 }
 """
 TARGETS = (SCENE, "export")
-# Of a chain that is short: one training, and what tells how good it is.
-SHORT = (f"results/{SCENE}/mipnerf360/round0/decomposition_test.csv",)
 
 
 class Chain(NamedTuple):
@@ -53,27 +50,26 @@ class Chain(NamedTuple):
     root: os.PathLike
     folder: os.PathLike
 
-    def command(self, *more, cores=1):
+    def command(self, *more):
         """The words of its Snakemake run, as `make run` has them."""
         return [
             # Before options, of which some take several words.
-            *(sys.executable, "-m", "snakemake", *more, "--cores", str(cores)),
+            *(sys.executable, "-m", "snakemake", *more, "--cores", "1"),
             *("--snakefile", str(self.root / "Snakefile")),
             *("--workflow-profile", str(self.root / "profiles/default")),
             *("--configfile", "tiny.yaml"),
         ]
 
-    def start(self, *more, environment=None, **options):
+    def start(self):
         """Begin a run in a session of its own; its words go to run.log."""
         with open(self.folder / "run.log", "ab") as log:
             return subprocess.Popen(
-                self.command(*(more or TARGETS), **options),
+                self.command(*TARGETS),
                 cwd=self.folder,
                 stdin=subprocess.DEVNULL,
                 stdout=log,
                 stderr=subprocess.STDOUT,
                 start_new_session=True,
-                env=os.environ | (environment or {}),
             )
 
     def unlock(self):
@@ -85,15 +81,6 @@ class Chain(NamedTuple):
     def words(self):
         """All that its runs have said."""
         return (self.folder / "run.log").read_text(errors="replace")
-
-
-def take_interrupts():
-    """Let the chains that are started take Ctrl-C.
-
-    A shell's background processes ignore it, and so do their children. Not by
-    `preexec_fn`: that forks, and JAX's threads do not bear it.
-    """
-    signal.signal(signal.SIGINT, signal.default_int_handler)
 
 
 def make(root, folder, seed_from=None) -> Chain:
@@ -108,10 +95,6 @@ def make(root, folder, seed_from=None) -> Chain:
 
 def judged(root, folder) -> Chain:
     """A finished judgement of renders that are blurred and shifted by a pixel."""
-    chain = Chain(root, folder)
-    if (folder / "results" / JUDGED / "index.html").exists():
-        return chain
-    shutil.rmtree(folder, ignore_errors=True)
     judged_cases.project(folder, "kept")
     for path in (folder / "renders").iterdir():
         image = cv2.GaussianBlur(cv2.imread(str(path)), (0, 0), 0.7)
@@ -120,17 +103,16 @@ def judged(root, folder) -> Chain:
     words += ["--cameras", "transforms.json", "--cores", "1"]
     command = [sys.executable, "-m", "alignerf.cli.judge", *words]
     subprocess.run(command, cwd=folder, capture_output=True, check=True)
-    return chain
+    return Chain(root, folder)
 
 
 def cache_of(chain):
     return chain.folder / "results" / ".jax_cache"
 
 
-def finish(chain, *targets, **options):
+def finish(chain):
     """Run a chain to its end; RuntimeError with its last words where it fails."""
-    child = chain.start(*targets, **options)
-    if child.wait():
+    if chain.start().wait():
         raise RuntimeError("\n".join(chain.words().splitlines()[-30:]))
 
 
@@ -163,17 +145,14 @@ def gone(leader, max_s=20.0):
     return False
 
 
-def differences(chain, other, *, short=False):
-    """Files that two finished chains do not share, times apart.
-
-    short: the other was run to SHORT: it has some of the files.
-    """
-    found = [stages.content(c.folder, f"results/{SCENE}") for c in (chain, other)]
-    first, second = found
-    missing = [path for path in SHORT if path not in second]
-    return missing + sorted(
+def differences(chain, other):
+    """Files that two finished chains do not share, times apart."""
+    first, second = (
+        stages.content(c.folder, f"results/{SCENE}") for c in (chain, other)
+    )
+    return sorted(
         name
-        for name in (second.keys() if short else first.keys() | second.keys())
+        for name in first.keys() | second.keys()
         if first.get(name) != second.get(name) and not is_process(name)
     )
 

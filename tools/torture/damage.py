@@ -2,9 +2,12 @@
 
 A way returns None where it does not apply. Ways of a folder or a link change the place
 itself. None of them is harmless by itself: a stage refuses it, or does not read it.
+MUTATIONS are of any folder: a mutation is a function(folder, rng) that returns in words
+what it has done; None where it does not apply. The same numbers do the same.
 """
 
 import csv
+import functools
 import io
 import json
 import os
@@ -15,6 +18,8 @@ import zipfile
 import numpy as np
 from PIL import Image
 
+from tests import damaged_cases
+
 BOMB_BYTES = 2**32
 DEEP = 100_000
 
@@ -23,14 +28,7 @@ def ways_of(path):
     """{name: function(path, rng)} of all that may be done to a file or a folder."""
     if path.is_dir():
         return FOLDER_WAYS
-    by_kind = {
-        ".npz": NPZ_WAYS,
-        ".png": PNG_WAYS,
-        ".json": JSON_WAYS,
-        ".csv": CSV_WAYS,
-        ".msgpack": MSGPACK_WAYS,
-    }
-    return ANY_WAYS | by_kind.get(path.suffix, {})
+    return ANY_WAYS | WAYS.get(path.suffix, {})
 
 
 def rewritten(change):
@@ -286,61 +284,41 @@ PNG_WAYS = {
     "PostScript": rewritten(lambda data, rng: POSTSCRIPT),
     "13000 pixels wide": redrawn(lambda image: image.resize((13000, 13000))),
     "one pixel": redrawn(lambda image: image.resize((1, 1))),
+    "across": redrawn(lambda image: image.resize(image.size[::-1])),
+    "black": redrawn(lambda image: Image.new("RGB", image.size)),
+    "transparent": redrawn(lambda image: Image.new("RGBA", image.size)),
 }
 
 
 # Text of values.
 
-WRONG_VALUES = (
-    None,
-    "x",
-    [],
-    {},
-    True,
-    -1,
-    10**400,
-    float("nan"),
-    float("inf"),
-    "\0",
-    [[[[0]]]],
-)
 
-
-def json_places(value, place=()):
-    """The places of all values in nested lists and mappings, the whole one first."""
-    yield place
-    entries = value.items() if isinstance(value, dict) else ()
-    if isinstance(value, list):
-        entries = enumerate(value[:2])
-    for key, entry in entries:
-        yield from json_places(entry, (*place, key))
-
-
-def with_wrong_value(data, rng):
-    """A value anywhere is of another kind, or far from what it can be."""
+def value_changed(data, rng):
+    """A value anywhere is another, that of another place, gone, or there twice."""
     value = json.loads(data)
-    places = list(json_places(value))[1:]
+    places = [at for at in damaged_cases.places(value) if at]
     if not places:
         return None
-    *above, last = places[int(rng.integers(len(places)))]
-    inner = value
-    for key in above:
-        inner = inner[key]
-    inner[last] = WRONG_VALUES[int(rng.integers(len(WRONG_VALUES)))]
+    at = places[rng.integers(len(places))]
+    around, how = within(value, at[:-1]), rng.integers(5)
+    if how == 0 and isinstance(around, list):
+        around.insert(at[-1], around[at[-1]])
+    elif how == 1:
+        like = [one for one in places if one[-1] == at[-1]]
+        other = within(value, like[rng.integers(len(like))])
+        value = damaged_cases.changed(value, at, other)
+    else:
+        value = damaged_cases.changed(value, at, VALUES[rng.integers(len(VALUES))])
     return json.dumps(value).encode()
 
 
-def without_a_key(data, rng):
-    value = json.loads(data)
-    places = [p for p in json_places(value) if p and isinstance(p[-1], str)]
-    if not places:
-        return None
-    *above, last = places[int(rng.integers(len(places)))]
-    inner = value
-    for key in above:
-        inner = inner[key]
-    del inner[last]
-    return json.dumps(value).encode()
+def within(value, at):
+    for key in at:
+        value = value[key]
+    return value
+
+
+VALUES = [*damaged_cases.VALUES, 5e-324, 1e30, "../x", "x" * 100_000, "a\nb", "\x1b[0m"]
 
 
 JSON_WAYS = {
@@ -350,8 +328,7 @@ JSON_WAYS = {
     "deep": rewritten(lambda data, rng: b"[" * DEEP),
     "deep and whole": rewritten(lambda data, rng: b"[" * DEEP + b"]" * DEEP),
     "Latin-1": rewritten(lambda data, rng: b'{"\xe4": 1}'),
-    **{f"a wrong value ({n})": rewritten(with_wrong_value) for n in range(8)},
-    **{f"a key missing ({n})": rewritten(without_a_key) for n in range(3)},
+    **{f"a value changed ({n})": rewritten(value_changed) for n in range(8)},
 }
 
 
@@ -404,4 +381,187 @@ MSGPACK_WAYS = {
         lambda data, rng: data.replace(data[-8:-4], struct.pack("<f", np.nan))
     ),
     "a number": rewritten(lambda data, rng: b"\x07"),
+}
+
+
+def with_numbers(change):
+    """A way of an .npy, whose array is changed in its place."""
+
+    def apply(data, rng):
+        rows = np.load(io.BytesIO(data))
+        at = tuple(rng.integers(side) for side in rows.shape)
+        change(rows, at, rng)
+        found = io.BytesIO()
+        np.save(found, rows)
+        return found.getvalue()
+
+    return rewritten(apply)
+
+
+def another_number(rows, at, rng):
+    rows[at] = rng.choice([0, -1, 1e-30, 1e30, np.nan, np.inf, 5e-324])
+
+
+def another_row(rows, at, rng):
+    rows[at[0]] = rows[rng.integers(len(rows))]
+
+
+def bytes_changed(data, rng):
+    """Eight bytes become others: a count, a number, a size."""
+    if len(data) < 16:
+        return None
+    place = int(rng.integers(min(len(data), 400) - 8))
+    values = [bytes(8), b"\xff" * 8, b"\0\0\0\0\0\0\xf8\x7f", rng.bytes(8)]
+    return data[:place] + values[rng.integers(4)] + data[place + 8 :]
+
+
+def word_changed(data, rng):
+    """A word of a text becomes another, or is gone."""
+    words = data.split(b" ")
+    word = rng.choice(["0", "-1", "nan", "1e400", "x", "", "99999999999999999999"])
+    words[rng.integers(len(words))] = str(word).encode()
+    return b" ".join(words)
+
+
+NPY_WAYS = {
+    "another number": with_numbers(another_number),
+    "another row": with_numbers(another_row),
+}
+BYTES_WAYS = {f"other bytes ({n})": rewritten(bytes_changed) for n in range(4)}
+TEXT_WAYS = {f"another word ({n})": rewritten(word_changed) for n in range(4)}
+
+
+PHOTOS = {".png", ".jpg", ".webp", ".bmp", ".tif"}
+OTHERS = {".npy", ".bin", ".avi", ".txt"}
+WAYS = {
+    ".npz": NPZ_WAYS,
+    **dict.fromkeys(PHOTOS, PNG_WAYS),
+    ".json": JSON_WAYS,
+    ".csv": CSV_WAYS,
+    ".msgpack": MSGPACK_WAYS,
+    ".npy": NPY_WAYS,
+    **dict.fromkeys((".bin", ".avi"), BYTES_WAYS),
+    ".txt": TEXT_WAYS,
+}
+
+
+# Any folder.
+
+# What a file may be called.
+NAMES = ("a\nerror: b", "\x1b[2J", "%03d", "-rf", "ä" * 60, "a b", "A.PNG", "x" * 250)
+NAMES += ("=cmd|1", "a.png.png", "\u202egnp", "$(x)", "con", "..x", "concat:a", "'")
+
+
+def files_of(folder):
+    return sorted(p for p in folder.rglob("*") if p.is_file() or p.is_symlink())
+
+
+def pick(paths, rng):
+    return paths[rng.integers(len(paths))]
+
+
+def some(folder, rng, suffixes=None):
+    """A file of the folder; None where none has such a suffix."""
+    found = [p for p in files_of(folder) if not suffixes or p.suffix in suffixes]
+    return pick(found, rng) if found else None
+
+
+def told(folder, *paths):
+    return " ".join(repr(str(path.relative_to(folder))) for path in paths)
+
+
+def doubled(make):
+    """A second name of a file, beside it or beside another one."""
+
+    def apply(folder, rng):
+        path, other = some(folder, rng), some(folder, rng)
+        target = other.parent / f"{rng.integers(1000):03d}{path.suffix}"
+        if target.exists() or not path.exists():
+            return None
+        make(path, target)
+        return told(folder, path, target)
+
+    return apply
+
+
+def replaced(make):
+    """A file in another's place."""
+
+    def apply(folder, rng):
+        path = some(folder, rng)
+        other = some(folder, rng, {path.suffix})
+        if other == path or not path.exists():
+            return None
+        other.unlink()
+        make(path, other)
+        return told(folder, path, other)
+
+    return apply
+
+
+def renamed(folder, rng):
+    path = some(folder, rng)
+    name = str(pick(NAMES, rng)) + (path.suffix if rng.integers(2) else "")
+    if len(name.encode()) > 255 or (path.parent / name).exists():
+        return None
+    path.rename(path.parent / name)
+    return told(folder, path, path.parent / name)
+
+
+def of_other_case(folder, rng):
+    path = some(folder, rng)
+    path.rename(path.parent / path.name.swapcase())
+    return told(folder, path)
+
+
+def folder_as_link(folder, rng):
+    """A folder becomes a link to another one."""
+    inner = sorted(p for p in folder.rglob("*") if p.is_dir() and not p.is_symlink())
+    if len(inner) < 2:
+        return None
+    path, other = pick(inner, rng), pick(inner, rng)
+    if path == other or other in path.parents or path in other.parents:
+        return None
+    shutil.rmtree(other)
+    other.symlink_to(path.resolve())
+    return told(folder, path, other)
+
+
+def damaged(folder, rng, suffixes=None):
+    path = some(folder, rng, suffixes)
+    if path is None or not path.is_file():
+        return None
+    ways = ways_of(path)
+    # What is special to its kind is tried as often as what is not.
+    chosen = [*ways] if rng.integers(2) else [*ways.keys() - ANY_WAYS.keys()] or [*ways]
+    name = pick(sorted(chosen), rng)
+    # These take seconds.
+    if "bomb" in name or "13000" in name:
+        return None
+    try:
+        done = ways[name](path, rng)
+    # What is damaged already is no longer of its kind.
+    except Exception:
+        return None
+    return f"{told(folder, path)} {name}" if done else None
+
+
+def linked(path, target):
+    target.symlink_to(path.resolve())
+
+
+MUTATIONS = {
+    "a copy": doubled(shutil.copyfile),
+    "a link": doubled(linked),
+    "a hard link": doubled(os.link),
+    "a copy instead": replaced(shutil.copyfile),
+    "a link instead": replaced(linked),
+    "renamed": renamed,
+    "of other case": of_other_case,
+    "a folder as a link": folder_as_link,
+    "a file": damaged,
+    "a photo": functools.partial(damaged, suffixes=PHOTOS),
+    "cameras": functools.partial(damaged, suffixes={".json"}),
+    "cameras again": functools.partial(damaged, suffixes={".json"}),
+    "another kind": functools.partial(damaged, suffixes=OTHERS),
 }

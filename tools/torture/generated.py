@@ -1,24 +1,16 @@
 """Grown folders, spoilt at random, and oracles that know what may come of them.
 
-`python -m tools.torture.generated --source S --cases N --seed K` prints a line for each
-finding, made as small as it gets: the folder's seed, and the mutations that are needed.
 No list of expected results is kept. A case is refused in one short line that names what
 is wrong, or taken: then no photo is both trained on and scored, and every photo of the
 folder is used or named.
 """
 
-import argparse
 import contextlib
 import io
-import json
 import logging
-import math
 import os
 import re
 import shutil
-import sys
-import tempfile
-import time
 import traceback
 from pathlib import Path
 from typing import NamedTuple
@@ -30,7 +22,7 @@ from alignerf import poses
 from alignerf.io import faults, images
 from alignerf.scenes import photos, prepared
 from alignerf.scenes.capture import ingest, video
-from tools.torture import grown, mutations
+from tools.torture import damage, grown
 
 MAX_MUTATIONS = 3
 MAX_LETTERS = 1200
@@ -73,7 +65,7 @@ def note_opened(event, arguments):
 def cases_of(source, seed, count):
     """As many cases of a source; the same for the same seed."""
     rng = np.random.default_rng([seed, sorted(grown.SOURCES).index(source)])
-    names = list(mutations.MUTATIONS)
+    names = list(damage.MUTATIONS)
     for _ in range(count):
         steps = [
             (names[rng.integers(len(names))], int(rng.integers(2**31)))
@@ -87,7 +79,7 @@ def build(case, folder):
     keys = grown.SOURCES[case.source](folder, np.random.default_rng(case.seed))
     done = []
     for name, seed in case.steps:
-        words = mutations.MUTATIONS[name](folder, np.random.default_rng(seed))
+        words = damage.MUTATIONS[name](folder, np.random.default_rng(seed))
         done.append(words and f"{name}: {words}")
     return keys, [one for one in done if one]
 
@@ -192,43 +184,3 @@ def speaks_of(told, path):
     names |= {path.stem.zfill(6)} if path.stem.isdecimal() else set()
     either = "|".join(map(re.escape, names))
     return re.search(rf"(?<![\w.])({either})(?![\w.])", told) is not None
-
-
-def minimised(case, found, place):
-    """The least of a case's steps with which the same kind of fault is found."""
-    kind = found.split(":")[0][:40]
-    for step in list(case.steps):
-        less = case._replace(steps=tuple(s for s in case.steps if s != step))
-        again, _ = finding_of(less, place)
-        if again and again.split(":")[0][:40] == kind:
-            case = less
-    return case
-
-
-def main(argv=None):
-    parser = argparse.ArgumentParser(prog="tools.torture.generated")
-    parser.add_argument("--source", choices=grown.SOURCES, required=True)
-    parser.add_argument("--cases", type=int, default=100)
-    parser.add_argument("--seed", type=int, default=0)
-    parser.add_argument("--seconds", type=float, default=math.inf, help="at most")
-    args = parser.parse_args(argv)
-    until = time.monotonic() + args.seconds
-    sys.addaudithook(note_opened)
-    logging.getLogger().setLevel(logging.INFO)
-    with tempfile.TemporaryDirectory() as folder:
-        place = Path(folder) / "place"
-        for case in cases_of(args.source, args.seed, args.cases):
-            if time.monotonic() > until:
-                break
-            # What ends the process has then been named.
-            print(json.dumps({"case": case}), flush=True)
-            found, _ = finding_of(case, place)
-            if found:
-                least = minimised(case, found, place)
-                found, words = finding_of(least, place)
-                line = {"found": found, "least": least, "done": words}
-                print(json.dumps(line), flush=True)
-
-
-if __name__ == "__main__":
-    main()

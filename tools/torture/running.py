@@ -1,20 +1,17 @@
 """A command under limits: what it said, how long it took, and how much it held."""
 
-import contextlib
-import importlib.util
-import io
-import logging
 import os
 import re
 import resource
-import runpy
 import signal
 import subprocess
-import sys
 import tempfile
 import time
 from typing import NamedTuple
 
+# Of `make torture`: how many of what has no end, another seed each day.
+CASES = int(os.environ.get("TORTURE_CASES", 0))
+SEED = int(os.environ.get("TORTURE_SEED", 0))
 MAX_S = 10.0
 MAX_MIB = 2048
 # A loaded machine is slower than the limit means: only then is a command ended.
@@ -73,34 +70,6 @@ def run(command, folder, environment=None) -> Ended:
         time_s=clock_s if waited else min(clock_s, spent_s),
         peak_mib=peak_mib,
     )
-
-
-def in_process(command, folder, environment=None) -> Ended:
-    """The same in this process, without its time and memory: for many small cases.
-
-    command: `python -m <module> ...`.
-    """
-    _, _, module, *words = command
-    origin = importlib.util.find_spec(module).origin
-    said = io.StringIO()
-    folder_before, words_before, code = os.getcwd(), sys.argv, 0
-    handler = logging.StreamHandler(said)
-    logging.getLogger().addHandler(handler)
-    os.chdir(folder)
-    sys.argv = [module, *words]
-    try:
-        with contextlib.redirect_stderr(said), contextlib.redirect_stdout(said):
-            runpy.run_path(origin, run_name="__main__")
-    except SystemExit as end:
-        code = end.code or 0
-    except BaseException as error:
-        code = 1
-        said.write(f"Traceback: {error!r:.500}\n")
-    finally:
-        os.chdir(folder_before)
-        sys.argv = words_before
-        logging.getLogger().removeHandler(handler)
-    return Ended(code, said.getvalue(), 0.0, 0.0)
 
 
 def wait(child, until) -> tuple[resource.struct_rusage, float]:

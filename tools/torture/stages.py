@@ -16,6 +16,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 from alignerf.io import owned
+from tests import damaged_cases
 from tools.torture import damage, running
 
 INPUT = re.compile(r"results/[\w/.{}-]+")
@@ -194,7 +195,7 @@ def keys_of(path):
     if path.is_dir():
         return [found.name for found in path.rglob("*") if found.is_file()]
     if path.suffix == ".json":
-        places = damage.json_places(json.loads(path.read_text()))
+        places = damaged_cases.places(json.loads(path.read_text()))
         return [place[-1] for place in places if place and isinstance(place[-1], str)]
     return []
 

@@ -9,8 +9,8 @@ from alignerf.experiment.keys.key import Keys, key
 class Flow(Keys):
     estimator: Literal[estimators.EVERY] = key(
         "deepflow",
-        "optical flow, see flow/estimation/estimators.py and `make flow_benchmark`; "
-        "files reads flows made elsewhere from `folder`",
+        "optical flow, see flow/estimation/estimators.py; files reads flows made "
+        "elsewhere from `folder`",
     )
     folder: str | None = key(
         None,

@@ -11,7 +11,6 @@ from flow.estimation import folders
 from flow.warping import controls as control_flows
 from tests import table_cases
 from tests.table_cases import made
-from tools.flow_benchmark import __main__ as benchmark
 
 SETS = (*sorted(controls.needed()), "oracle")
 ROWS = [
@@ -51,7 +50,6 @@ def test_what_is_said_of_each_photo_has_them_too():
         ("decomposition", decompose.COLUMNS),
         ("aligned_pose", align_test_poses.COLUMNS),
         ("overfit", control_flows.COLUMNS),
-        ("flow_benchmark", benchmark.COLUMNS),
     ],
 )
 def test_so_have_the_files_of_a_round(name, written):

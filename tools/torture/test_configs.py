@@ -5,10 +5,14 @@ The check has to refuse the value and to name the key; what it accepts it has to
 
 import copy
 import json
+import random
 import time
 
+import yaml
+
 from alignerf.experiment import check, jobs, plan, targets
-from tools.torture import damage
+from tests import damaged_cases
+from tools.torture import chains, running
 
 HOSTILE = (
     *(float("nan"), float("inf"), -float("inf"), 10**400, -(10**400), 1e308, 5e-324),
@@ -23,21 +27,6 @@ MAX_S = 5.0
 NAMED = ("scenes", "models", "methods", "variants")
 
 
-def places_of(config):
-    """Places of all values of a complete config, names of its sections among them."""
-    return [place for place in damage.json_places(config) if place]
-
-
-def with_value(config, place, value):
-    """A copy with another value at a place."""
-    found = copy.deepcopy(config)
-    inner = found
-    for key in place[:-1]:
-        inner = inner[key]
-    inner[place[-1]] = value
-    return found
-
-
 def with_name(config, place, name):
     """A copy in which the last key of a place has another name."""
     found = copy.deepcopy(config)
@@ -50,56 +39,44 @@ def with_name(config, place, name):
 
 def changes_of(config):
     """(place, value, function that makes a copy so) of every key, value and name."""
-    for place in places_of(config):
+    for place in filter(None, damaged_cases.places(config)):
         for value in HOSTILE:
-            yield place, value, with_value
+            yield place, value, damaged_cases.changed
         if len(place) > 1 and place[-2] in NAMED:
             for value in (*HOSTILE[17:], 1, None, True, 1.5):
                 if value.__hash__:
                     yield place, value, with_name
         if isinstance(place[-1], str):
-            yield (*place[:-1], "no_such_key"), 1, with_value
-
-
-def cases_of(config):
-    """(place, value, the changed config) of every change."""
-    for place, value, change in changes_of(config):
-        yield place, value, change(config, place, value)
-
-
-def of_config(config, place):
-    """What is wrong with how a config is taken; None, and whether it was accepted."""
-    return taken(lambda: planned(check.checked(config)), place)
+            yield (*place[:-1], "no_such_key"), 1, damaged_cases.changed
 
 
 def planned(config):
-    """Plan all that a config asks for, as the Snakefile does."""
-    experiment = plan.Experiment(config)
+    """Check a config, and plan all that it asks for, as the Snakefile does."""
+    experiment = plan.Experiment(check.checked(config))
     for scene in experiment.scenes:
         targets.of_scene(experiment, scene)
         for training in experiment.trainings(scene).values():
             training.job.model_dump()
 
 
-def of_job(values, place):
+def parsed(values):
     """The same of a job, as `alignerf.train --config` reads it."""
-    return taken(lambda: jobs.parse(jobs.read(json.dumps(values))), place)
+    jobs.parse(jobs.read(json.dumps(values)))
 
 
-def taken(function, place):
-    """(finding or None, accepted) of a check that may refuse with a ValueError."""
+def fault_of(function, values, place):
+    """What is wrong with a check, which may refuse with a ValueError; or None."""
     started = time.perf_counter()
     try:
-        function()
+        function(values)
+        fault = None
     except ValueError as error:
-        fault, accepted = line_fault(str(error), place), False
+        fault = line_fault(str(error), place)
     # Whatever else comes out would be a traceback to the user.
     except BaseException as error:
-        return f"{type(error).__name__}: {error}"[:120], False
-    else:
-        fault, accepted = None, True
+        return f"{type(error).__name__}: {error}"[:120]
     time_s = time.perf_counter() - started
-    return (f"{time_s:.0f} s" if time_s > MAX_S else fault), accepted
+    return f"{time_s:.0f} s" if time_s > MAX_S else fault
 
 
 def line_fault(text, place):
@@ -126,3 +103,29 @@ def complete(config):
     config["models"] |= {kind: {"kind": kind} for kind in systems}
     config["methods"] |= {f"{kind}_": {"model": kind} for kind in systems}
     return check.checked(config)
+
+
+def tried(function, config, count):
+    """Findings of so many changes of a config or a job, by the seed."""
+    cases = list(changes_of(config))
+    chosen = random.Random(running.SEED).sample(cases, min(count, len(cases)))
+    found = [
+        (place, value, fault)
+        for place, value, change in chosen
+        if (fault := fault_of(function, change(config, place, value), place))
+    ]
+    return found, len(cases)
+
+
+def test_hostile_values_of_a_config_are_refused_or_planned():
+    config = complete(yaml.safe_load(chains.CONFIG))
+    found, count = tried(planned, config, 100 * running.CASES or 1000)
+    assert count > 5000
+    assert found == []
+
+
+def test_hostile_values_of_a_job_are_refused_or_taken():
+    job = job_of(complete(yaml.safe_load(chains.CONFIG)))
+    found, count = tried(parsed, job, 10_000)
+    assert count > 1000
+    assert found == []

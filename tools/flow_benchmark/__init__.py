@@ -1,1 +1,0 @@
-"""How right and how fast the flow estimators are: `python -m tools.flow_benchmark`."""
