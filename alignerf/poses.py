@@ -31,8 +31,8 @@ from alignerf.sfm import capture as checking
 
 log = logging.getLogger("alignerf.poses")
 
-# As in `verdict.shift`; a test holds both equal. Were they taken from there, every
-# change of a threshold would make all poses anew.
+# As in `causes.shared.misalignment`; a test holds both equal. Were they taken from
+# there, every change of a threshold would make all poses anew.
 FEW_TRAIN_VIEWS, FEW_TEST_VIEWS = 12, 5
 # With `downscale: auto`: a training that sees each half a time takes minutes on a core.
 # Many photos may have more together, rather than sides under this.

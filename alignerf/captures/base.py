@@ -13,7 +13,7 @@ from alignerf.io.environment import extensions
 INPUT = ("adjusted", "input")
 SPLITS = ("train", "test")
 # What is held out at most, unless a number says more; fewer than MIN_TEST_VIEWS give
-# no interval (`verdict.shift`; a test holds both equal).
+# no interval (`causes.shared.misalignment`; a test holds both equal).
 SELDOM, OFTEN, MIN_TEST_VIEWS = 8, 4, 5
 
 

@@ -1,9 +1,9 @@
 """The registry of causes: what can be wrong with a scene, a file each.
 
-A file has one `base.Cause` as `CAUSE`, or a list of them. A new file in this folder, or
-a record of another package under the entry points `alignerf.causes`, is all that a new
-cause takes. Limits are fitted to planted faults, and judged by captures that were left
-out: docs/evidence/verdict.md.
+A file has one `base.Cause` as `CAUSE`, or a list of them: a function that finds it, and
+the texts that tell it. A new file in this folder, or a record of another package under
+the entry points `alignerf.causes`, is all that a new cause takes. Limits are fitted to
+planted faults, and judged by captures that were left out: docs/evidence/verdict.md.
 """
 
 import functools
@@ -14,31 +14,51 @@ from alignerf.causes import pairs
 from alignerf.io.environment import extensions
 
 
+def gravity(cause):
+    """What sorts causes, the gravest first."""
+    return -cause.severity
+
+
 def every():
-    """All causes, in the order in which they are shown."""
-    return extensions.registered(sys.modules[__name__], "causes", "CAUSE")
+    """All causes, the gravest first."""
+    found = extensions.registered(sys.modules[__name__], "causes", "CAUSE")
+    return sorted(found, key=gravity)
 
 
 def find(e):
-    """A `base.Finding` of each cause that applies to an Evidence, the gravest first.
+    """A `base.Finding` of each cause that an Evidence has, the gravest first."""
+    return [one for one in examine(e) if one.sure is not None]
 
-    Causes compete: what one explains is no evidence for another (`spoilt`).
+
+def examine(e):
+    """A `base.Finding` of each cause that is looked for, the gravest first.
+
+    Causes compete: what one explains is no evidence for another, unless that stands by
+    other evidence.
     """
-    if e.pairs.stops:
-        # Too many pairs that are none: nothing else can be told.
-        return [pairs.PAIRS.find(e)]
     found = []
     for cause in in_turn():
-        finding = cause.find(e)
-        if finding and cause.name not in spoilt(e, found):
-            found.append(finding)
-    return sorted(found, key=lambda finding: finding.cause.order[1])
+        if (one := cause.find(e)) is None:
+            continue
+        if e.pairs.stops and cause is not pairs.PAIRS:
+            # Too many pairs that are none: nothing else can be told.
+            one = one._replace(sure=None, detectable=False)
+        by = [
+            other.cause
+            for other in found
+            if other.sure is not None and other.explains and not one.stands
+            if cause.name in other.cause.explains
+        ]
+        if by:
+            one = one._replace(sure=None, spoilt=min(by, key=gravity).spoils)
+        found.append(one._replace(cause=cause))
+    return sorted(found, key=lambda one: gravity(one.cause))
 
 
 @functools.cache
 def in_turn():
     """All causes, each after those that explain it, the gravest first."""
-    by_name = {cause.name: cause for cause in sorted(every(), key=lambda c: c.order[1])}
+    by_name = {cause.name: cause for cause in every()}
     before = {name: set() for name in by_name}
     for cause in by_name.values():
         for name in set(cause.explains) & set(by_name) - {cause.name}:
@@ -49,22 +69,3 @@ def in_turn():
         ring = ", ".join(error.args[1])
         raise ValueError(f"causes explain one another in a ring: {ring}") from None
     return [by_name[name] for name in order]
-
-
-def spoilt(e, findings):
-    """{name: the `base.Finding` that spoils its evidence} of causes that are not told.
-
-    A cause that stands by other evidence is told.
-    """
-    explained = {
-        name: finding
-        for finding in reversed(findings)
-        if finding.cause.explains and finding.cause.explains_now(e)
-        for name in finding.cause.explains
-    }
-    by_name = {cause.name: cause for cause in in_turn()} if explained else {}
-    return {
-        name: finding
-        for name, finding in explained.items()
-        if name in by_name and not by_name[name].stands(e)
-    }

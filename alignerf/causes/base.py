@@ -125,6 +125,14 @@ class Evidence(NamedTuple):
     pairs: of_pairs.Checked = of_pairs.Checked(0, {})
     # The command that lets COLMAP find the poses, where photos lie without cameras.
     by_colmap: str | None = None
+    # What this run has tried, `remedies.Gain`s.
+    tried: tuple = ()
+
+
+# What a fix takes, the cheapest first; the last three are photos to be taken.
+FIXES = ("training", "lens", "photos left out", "brightness", "floaters", "cameras")
+NEW_PHOTOS = ("photos between", "photos beside", "more photos")
+FIXES += NEW_PHOTOS
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -132,86 +140,100 @@ class Cause:
     """Something that can be wrong with a scene: how it is found, told and fixed.
 
     name: in verdict.json. label, unit: of its gauge.
-    value, limit: numbers of an Evidence, NaN where unknown; beyond its limit a cause is
-    named, beyond twice the limit it is sure. more_is_better: below
-    these. scale: times which both are in `unit`. decide: (size, whether it is sure) of
-    an Evidence, or None: in place of value and limit, where these are not all.
-    explains: names of causes whose evidence this one spoils where it is found, and
-    `explains_now` says so of an Evidence: they are not told then, because `spoils`,
-    unless they `stand` by other evidence.
-    detectable: whether the run of an Evidence tells it. looked_for: whether it is shown
-    at all. says: of an Evidence, what was measured, in place of the value.
+    find: of an Evidence, its `Finding`, also where all is well; None where it is not
+    looked for.
+    severity: what is graver is told first.
+    explains: names of causes whose evidence this one spoils where it is found: they are
+    not told then, because `spoils`.
     called: a phrase for the headline; {probably} is empty where the cause is sure.
-    sentence: with its number: {e}, {probably}, {value}, {px} is the value as a length;
-    or a function of Evidence and {probably}.
-    advice: what to do; or a function of Evidence and gains (`remedies.Gain`), of
-    nothing where this run has tried that in vain. advice_external: as advice, where
-    another program was trained; {export} writes corrected photos and cameras.
-    seen_by_points: what is only probable counts also where photos are too few.
+    sentence: with its number: {probably}, {value}, {px} is the value as a length,
+    {said} is the Finding's.
+    advice: what to do. advice_external: in its place where another program was trained;
+    {export} writes corrected photos and cameras.
+    fix: what the advice takes, of FIXES: the cheapest of what is sure is advised first.
     page: below docs/, what to do about it.
-    order: its places, among gauges; among what is named, the gravest first; and among
-    what to do, first what a longer training, or work at the desk, fixes.
     """
 
     name: str
     label: str
     unit: str
-    value: Callable
-    limit: Callable
+    find: Callable
     called: str
-    sentence: str | Callable
-    advice: str | Callable
-    advice_external: str | Callable = ""
-    more_is_better: bool = False
-    scale: Callable = lambda e: 1
-    decide: Callable | None = None
+    sentence: str
+    advice: str = ""
+    advice_external: str = ""
+    severity: float = 0
     explains: tuple = ()
-    explains_now: Callable = lambda e: True
     spoils: str = ""
-    stands: Callable = lambda e: False
-    detectable: Callable = lambda e: True
-    looked_for: Callable = lambda e: True
-    says: Callable | None = None
-    seen_by_points: bool = False
-    order: tuple = (100, 100, 100)
+    fix: str = FIXES[-1]
     page: str = "howto/verdict.md#what-to-do"
-
-    def find(self, e):
-        """The `Finding` where an Evidence has this cause, else None."""
-        found = self.decide(e) if self.decide else self.beyond(e)
-        return found and Finding(self, *found)
-
-    def beyond(self, e):
-        """(size, whether it is sure) where the value is beyond its limit."""
-        value, limit = self.value(e), self.limit(e)
-        sign, times = (-1, 0.5) if self.more_is_better else (1, 2)
-        sure = sign * value > sign * times * limit
-        return (value, sure) if sign * value > sign * limit else None
 
 
 class Finding(NamedTuple):
-    """A cause, how large it is in its own unit, and whether that is beyond doubt."""
+    """What an Evidence says of a cause.
 
-    cause: Cause
-    size: float
-    sure: bool
+    value, limit: in the cause's unit; NaN where unknown. sure: whether the cause is
+    beyond doubt; None where it is not found. more_is_better: right values are above the
+    limit.
+    said: for its sentence. measured: in place of value and unit. advice: in place of
+    the cause's; "" where there is nothing to do.
+    detectable: whether the run tells the cause. stands: whether it is told by what no
+    other cause spoils. explains: whether it spoils what the cause `explains`.
+    cause, and why its evidence is spoilt: as `causes.examine` finds them.
+    """
+
+    value: float
+    limit: float
+    sure: bool | None = None
+    more_is_better: bool = False
+    said: str = ""
+    measured: str = ""
+    advice: str | None = None
+    detectable: bool = True
+    stands: bool = False
+    explains: bool = True
+    cause: Cause | None = None
+    spoilt: str = ""
 
     @property
     def called(self):
         """The phrase for the headline."""
-        return self.cause.called.format(probably=self.probably)
+        return self.cause.called.format(probably=probably(self.sure))
 
     @property
-    def probably(self):
-        return "" if self.sure else "probably "
-
-    def sentence(self, e):
+    def sentence(self):
         """What is said of it, with its number."""
-        one, text = self.cause, self.cause.sentence
-        if callable(text):
-            return text(e, self.probably)
-        value = one.scale(e) * one.value(e)
-        return text.format(e=e, probably=self.probably, value=value, px=length(value))
+        return self.cause.sentence.format(
+            probably=probably(self.sure),
+            value=self.value,
+            px=length(self.value),
+            said=self.said,
+        )
+
+    def told(self, *, external):
+        """Its advice; external: where another program was trained."""
+        cause = self.cause
+        usual = (external and cause.advice_external) or cause.advice
+        return usual if self.advice is None else self.advice
+
+    @property
+    def cost(self):
+        """What sorts fixes: what is sure first, and photos to be taken after all."""
+        fix = self.cause.fix
+        place = FIXES.index(fix), -self.cause.severity
+        return fix in NEW_PHOTOS, not self.sure, *place
+
+
+def beyond(value, limit, *, more_is_better=False, **more):
+    """The `Finding` of a value: found beyond its limit, sure beyond twice the limit."""
+    size, least = (limit, value) if more_is_better else (value, limit)
+    sure = size > 2 * least if size > least else None
+    return Finding(value, limit, sure, more_is_better, **more)
+
+
+def probably(sure):
+    """A word for texts."""
+    return "" if sure else "probably "
 
 
 def length(photo_px):

@@ -8,17 +8,16 @@ BLURRED_DETAIL, BLURRED_VIEWS = 0.6, 0.05
 
 CAUSE = base.Cause(
     name="blurred",
-    page="howto/fix.md#too-few-blurred-uneven-photos",
-    order=(5, 8, 4),
     label="blurred photos",
     unit="%",
-    scale=lambda e: 100,
-    value=lambda e: e.blurred_fraction,
-    limit=lambda e: BLURRED_VIEWS,
+    find=lambda e: base.beyond(100 * e.blurred_fraction, 100 * BLURRED_VIEWS),
+    severity=30,
     called="some photos are {probably}blurred",
     sentence="{value:.0f} % of the photos are {probably}blurred: they are less "
     "sharp than their renders.",
     advice="leave out the blurred photos, see tables/views.csv.",
     advice_external="leave out the blurred photos, see tables/views.csv, and train "
     "again.",
+    fix="photos left out",
+    page="howto/fix.md#too-few-blurred-uneven-photos",
 )

@@ -2,7 +2,8 @@
 
 import math
 
-from alignerf.causes import base, coverage, lens, remedies, shift
+from alignerf.causes import base, coverage, lens
+from alignerf.causes.shared import misalignment, remedies
 
 # Of the flow's parts, one that is at least so long is named.
 PART_PX = 0.2
@@ -26,10 +27,7 @@ OF_OTHERS = (
 )
 # Where the poses came with the photos, COLMAP finds others: on a phone's capture they
 # were 0.9 to 3.5 dB better than the phone's own (docs/measured/in_loop_real.csv).
-ANEW = (
-    "let COLMAP estimate the poses again, from the photos alone, copied into a folder "
-    "of their own."
-)
+ANEW = "let COLMAP estimate the poses again, from the photos alone"
 # Where matches between photos say how cameras have to move.
 ADJUSTED = (
     "adjust the cameras before training: `poses: adjusted` in the config, or a method "
@@ -37,24 +35,35 @@ ADJUSTED = (
 )
 
 
-def source(e):
-    """What shows that poses are off: `crops`, `flow`, `matches`, `points`; or None.
+def shown(e):
+    """The `base.Finding` of the first that shows that poses are off; None of none.
 
-    The first that says so. From too few photos a wrong pose is learnt as geometry, so
-    that training views fit: then the points that photos share tell.
+    From too few photos a wrong pose is learnt as geometry, so that training views fit:
+    then the points that photos share tell.
     """
-    if shift.by_crops(e) and e.crops.camera_px > e.crops.remainder_px:
-        return "crops"
+    explained = "a moved camera explains {} of the misalignment"
+    limit_px, poses_off = e.photo_px * PART_PX, misalignment.poses_off(e)
+    if misalignment.by_crops(e) and e.crops.camera_px > e.crops.remainder_px:
+        px, sure = e.crops.camera_px, e.crops.low_px > misalignment.CROP_PX
+        said = f"in the crops {explained.format(base.length(px))}"
+        return base.Finding(px, misalignment.CROP_PX, sure, said=said, stands=True)
     # Matches that fit, and find nothing to correct, are the witness that denies it.
     m = e.matches
     denied = m and not m.accepted and m.before_px <= RIGHT_PX
-    told = shift.misaligned(e) and not shift.too_short(e) and not denied
-    if told and e.camera_px > PART_PX:
-        return "flow"
-    if shift.poses_off(e):
-        return "matches"
-    if coverage.sparse(e) and e.reprojection_px > REPROJECTION_PX:
-        return "points"
+    told = misalignment.misaligned(e) and not misalignment.too_short(e) and not denied
+    if told and e.camera_px > PART_PX and not is_shared(e):
+        px, sure = e.photo_px * e.camera_px, e.camera_px > 2 * PART_PX or poses_off
+        said = explained.format(base.length(px))
+        return base.Finding(px, limit_px, sure, said=said)
+    if poses_off:
+        said = "bundle adjustment of matches between photos moves them by "
+        said += base.length(m.pose_error_px)
+        return base.Finding(m.pose_error_px, limit_px, False, said=said)
+    if coverage.is_sparse(e) and e.reprojection_px > REPROJECTION_PX:
+        px = e.photo_px * e.reprojection_px
+        said = f"points that several photos show lie {base.length(px)} from where the "
+        found = base.beyond(px, e.photo_px * REPROJECTION_PX, explains=False)
+        return found._replace(said=f"{said}cameras expect them")
     return None
 
 
@@ -64,118 +73,61 @@ def is_shared(e):
     A shift of the picture looks like a turn of the camera, the same in all views. Our
     own trainings absorb nearly all of such a shift.
     """
-    if not (e.judged and lens.SHIFT.decide(e)):
+    if not e.judged or lens.find_shift(e).sure is None:
         return False
     return e.camera_px**2 - e.shift_px**2 < PART_PX**2
 
 
-def decide(e):
-    """(size in px of the training, whether it is sure); None where poses are right."""
-    shown = source(e)
-    if shown == "flow" and is_shared(e):
-        shown = "matches" if shift.poses_off(e) else None
-    if shown == "crops":
-        sure = e.crops.low_px > shift.CROP_PX
-        return e.crops.camera_px / e.photo_px, sure
-    if shown == "flow":
-        sure = e.camera_px > 2 * PART_PX or shift.poses_off(e)
-        return e.camera_px, sure
-    if shown == "matches":
-        return e.matches.pose_error_px / e.photo_px, False
-    if shown == "points":
-        return e.reprojection_px, e.reprojection_px > 2 * REPROJECTION_PX
-    return None
+def find(e):
+    """How far poses are off in px of the photo, by what shows it; else by flow."""
+    flow = base.Finding(e.photo_px * e.camera_px, e.photo_px * PART_PX)
+    found = shown(e) or flow
+    if misalignment.known_crops(e):
+        found = found._replace(value=e.crops.camera_px, limit=misalignment.CROP_PX)
+    # Whether a shift would be seen.
+    seen = misalignment.tells(e) or misalignment.misaligned(e)
+    # Crops or matches tell of poses, whatever flows come from.
+    stands = found.stands or misalignment.poses_off(e)
+    return found._replace(
+        advice=None if e.judged else advise(e, by_points=not found.explains),
+        detectable=bool(e.matches) or (misalignment.is_sharp(e) and seen),
+        stands=stands and not lens.is_alone(e),
+    )
 
 
-def size_px(e, of):
-    """How far poses are off by a source, in px of the photo."""
-    if of == "crops":
-        return e.crops.camera_px
-    if of == "matches":
-        return e.matches.pose_error_px
-    return e.photo_px * (e.reprojection_px if of == "points" else e.camera_px)
-
-
-def shown(e):
-    """(what the gauge shows, its limit), in px of the photo."""
-    of = "crops" if shift.known_crops(e) else source(e)
-    limits = {"crops": shift.CROP_PX, "points": e.photo_px * REPROJECTION_PX}
-    return size_px(e, of), limits.get(of, e.photo_px * PART_PX)
-
-
-def is_detectable(e):
-    """Whether matches say something of the poses, or a shift would be seen."""
-    seen = shift.is_sharp(e) and (shift.tells(e) or shift.misaligned(e))
-    return bool(e.matches) or seen
-
-
-def sentence(e, probably):
-    """What shows it, and how much."""
-    of = source(e)
-    px, lead = base.length(size_px(e, of)), f"Poses are {probably}off:"
-    if of == "matches":
-        return f"{lead} bundle adjustment of matches between photos moves them by {px}."
-    if of == "points":
-        where = "points that several photos show lie"
-        return f"{lead} {where} {px} from where the cameras expect them."
-    where = "in the crops " * (of == "crops")
-    return f"{lead} {where}a moved camera explains {px} of the misalignment."
-
-
-def text(e):
+def align(e):
     """Advice where nothing was tried; only other programs do not say what they saw."""
     return OF_OTHERS if math.isnan(e.epochs) else ALIGN
 
 
-def anew(e):
-    """Advice for poses that came with the photos, and the command where it is known."""
-    if e.by_colmap is None:
-        return ANEW
-    return (
-        f"let COLMAP estimate the poses again, from the photos alone: `{e.by_colmap}`."
-    )
-
-
-def advise(e, gains):
-    """What to do, by what this run has tried."""
-    own = remedies.advise(e, gains)
-    if shift.poses_off(e) and not own:
+def advise(e, *, by_points=False):
+    """What to do, by what this run has tried. by_points: points show it."""
+    own = remedies.advise(e)
+    by = f": `{e.by_colmap}`" if e.by_colmap else ", copied into a folder of their own"
+    anew = f"{ANEW}{by}."
+    if misalignment.poses_off(e) and not own:
         said = ADJUSTED
     elif not e.poses_given:
-        said = own or text(e)
-    elif any(remedies.pays(e, gain) for gain in gains if gain.in_loop):
-        said = f"{anew(e)} Until then {own}"
+        said = own or align(e)
+    elif any(remedies.pays(e, gain) for gain in e.tried if gain.in_loop):
+        said = f"{anew} Until then {own}"
     else:
         # What was tried in vain is not offered beside it.
-        said = anew(e) if own else f"{anew(e)} Or {text(e)}"
-    more = " And take more photos between those you have."
-    return said + more * (source(e) == "points")
-
-
-def stands(e):
-    """Whether crops or matches tell of poses, whatever flows come from."""
-    told = shift.poses_off(e) or source(e) == "crops"
-    return told and not lens.is_alone(e)
+        said = anew if own else f"{anew} Or {align(e)}"
+    return said + " And take more photos between those you have." * by_points
 
 
 CAUSE = base.Cause(
     name="camera",
-    page="howto/fix.md#poses-are-off",
-    order=(1, 5.2, 6),
     label="camera poses",
     unit="px",
-    value=lambda e: shown(e)[0],
-    limit=lambda e: shown(e)[1],
-    decide=decide,
-    detectable=is_detectable,
-    seen_by_points=True,
+    find=find,
+    severity=60,
     explains=("sparse", "motion", "exposure", "floaters", "tone"),
-    # Where photos are too few, points tell of poses beside that.
-    explains_now=lambda e: source(e) != "points",
     spoils="wrong poses distort the model",
-    stands=stands,
     called="poses are {probably}off",
-    sentence=sentence,
-    advice=advise,
+    sentence="Poses are {probably}off: {said}.",
     advice_external="train again with the corrected cameras: `{export}` writes them.",
+    fix="cameras",
+    page="howto/fix.md#poses-are-off",
 )

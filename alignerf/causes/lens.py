@@ -4,7 +4,8 @@ Matches tell it where the poses, held as they are, fit with another lens. Withou
 the shift or the bend that all flows share tells it, of which a model absorbs most.
 """
 
-from alignerf.causes import base, shift
+from alignerf.causes import base
+from alignerf.causes.shared import misalignment
 
 # Common to all views' flows, and beyond so many standard errors. A model absorbs nine
 # tenths of a shift.
@@ -62,6 +63,11 @@ def corrects(e):
     return e.matches.accepted and not e.matches.applied
 
 
+def is_asked(e):
+    """Whether matches have been asked for the lens."""
+    return bool(e.matches and (e.matches.lens or e.matches.left))
+
+
 def part_px(e, part):
     """By how much matches call a part of the lens off, in px of the photo; 0: not."""
     found = by_matches(e)
@@ -74,104 +80,92 @@ def part_px(e, part):
     return px if px > LENS_PX else 0.0
 
 
-def of_part(e, part, otherwise=None):
-    """(px of the photo, whether it is sure) of a part that matches ask for; else None.
+def of_part(e, part, by_flows=None):
+    """The `base.Finding` of a part of the lens, in px of the photo.
 
-    otherwise: what flows say, (px of the training, whether it is sure) or None.
+    by_flows: what flows say of it, where matches do not ask for it.
     """
+    found = by_flows or base.Finding(0.0, LENS_PX)
     if px := part_px(e, part):
-        return px / e.photo_px, px > 2 * LENS_PX and fraction(e) >= LENS_FRACTION
-    return otherwise
+        sure = px > 2 * LENS_PX and fraction(e) >= LENS_FRACTION
+        found = base.Finding(px, LENS_PX, sure)
+    return found._replace(explains=is_alone(e), stands=px > 0)
 
 
-def beyond_error(px, errors, limit_px):
-    """(length, whether it is sure), of a length that views agree on; else None."""
-    if px > limit_px and errors > LENS_ERRORS:
-        return px, px > 2 * limit_px
-    return None
+def of_flows(e, px, limit_px, is_known):
+    """The `base.Finding` of a length in px of the training; not found by chance."""
+    found = base.beyond(e.photo_px * px, e.photo_px * limit_px)
+    return found if is_known else found._replace(sure=None)
 
 
-def shifted(e):
+def find_shift(e):
     """All photos are shifted alike: the lens, or the origin of pixels."""
-    by_flows = beyond_error(e.shift_px, e.shift_errors, SHIFT_PX)
-    if e.shift_px < SHIFT_FRACTION * shift.flow_px(e):
-        by_flows = None
-    if e.matches and e.matches.lens and not e.judged:
-        # Our trainings see the photos by the cameras that matches have tested.
-        by_flows = None
-    return of_part(e, "centre", by_flows)
+    px = e.photo_px * e.shift_px
+    is_rest = e.shift_px < SHIFT_FRACTION * misalignment.flow_px(e)
+    # Our trainings see the photos by the cameras that matches have tested.
+    denied = e.matches and e.matches.lens and not e.judged
+    is_known = e.shift_errors > LENS_ERRORS and not (is_rest or denied)
+    found = of_part(e, "centre", of_flows(e, e.shift_px, SHIFT_PX, is_known))
+    probably = base.probably(found.sure)
+    if found.stands:
+        said = f"The principal point is {probably}off: matches between photos put it "
+        said += f"{base.length(found.value)} away"
+        advice = CORRECTED if e.judged and corrects(e) else None
+        return found._replace(said=said, advice=advice)
+    said = f"All photos are {probably}misaligned alike, by {base.length(px)}: the "
+    said += "principal point is wrong, or pixel centers are half a pixel off"
+    return found._replace(said=said)
 
 
-def bent(e):
+def find_distortion(e):
     """All photos are bent alike."""
-    by_flows = beyond_error(e.distortion_px, e.distortion_errors, BEND_PX)
-    if e.matches and e.matches.lens:
-        by_flows = None
+    is_known = e.distortion_errors > LENS_ERRORS and not (e.matches and e.matches.lens)
+    by_flows = of_flows(e, e.distortion_px, BEND_PX, is_known)
     return of_part(e, "distortion", by_flows)
 
 
-def gauge(part, flow, limit):
-    """(value, limit) of a gauge, in px of the training: by matches, else by flows."""
+def find_focal(e):
+    """By matches alone: a model takes a wrong focal length for another shape."""
+    if not is_asked(e):
+        return None
+    found = of_part(e, "focal")
+    if not found.stands:
+        return found
+    ratio = f"{by_matches(e).focal_ratio:.4f}"
+    advice = f"multiply the focal length by {ratio}, or adjust the cameras before "
+    advice += "training: `poses: adjusted` in the config."
+    if e.judged:
+        advice = f"multiply the focal length by {ratio}, and train again."
+        advice = CORRECTED if corrects(e) else advice
+    return found._replace(said=ratio, advice=advice)
 
-    def value(e):
-        px = part_px(e, part)
-        return px / e.photo_px if px else flow(e)
 
-    def its_limit(e):
-        return LENS_PX / e.photo_px if part_px(e, part) else limit(e)
-
-    return {"value": value, "limit": its_limit}
+def find_shutter(e):
+    """By matches alone: from the first row to the last of the median photo."""
+    return of_part(e, "shutter") if is_asked(e) else None
 
 
-def cause(part, flow=lambda e: 0.0, limit=lambda e: LENS_PX / e.photo_px, **more):
+def cause(**texts):
     """The record of a part of the lens."""
-    decide = more.pop("decide", lambda e: of_part(e, part))
-    return base.Cause(
-        unit="px",
-        scale=lambda e: e.photo_px,
-        **gauge(part, flow, limit),
-        decide=decide,
-        explains=EXPLAINS,
-        explains_now=is_alone,
-        spoils=SPOILS,
-        stands=lambda e: part_px(e, part) > 0,
-        **more,
-    )
+    return base.Cause(unit="px", explains=EXPLAINS, spoils=SPOILS, fix="lens", **texts)
 
 
 SHIFT = cause(
-    "centre",
-    lambda e: e.shift_px,
-    lambda e: SHIFT_PX,
-    decide=shifted,
     name="lens_shift",
-    order=(3, 6, 2),
     label="principal point",
+    find=find_shift,
+    severity=50,
     called="the principal point is {probably}off",
-    sentence=lambda e, probably: (
-        f"The principal point is {probably}off: matches between photos put it "
-        f"{base.length(part_px(e, 'centre'))} away."
-        if part_px(e, "centre")
-        else f"All photos are {probably}misaligned alike, by "
-        f"{base.length(e.photo_px * e.shift_px)}: the principal point is wrong, or "
-        "pixel centers are half a pixel off."
-    ),
+    sentence="{said}.",
     advice="check the pixel centers and principal point of the input cameras.",
-    advice_external=lambda e, gains: (
-        CORRECTED
-        if part_px(e, "centre") and corrects(e)
-        else "check the pixel centers and principal point that your program had: a "
-        "wrong origin of pixels misaligns by half a pixel."
-    ),
+    advice_external="check the pixel centers and principal point that your program "
+    "had: a wrong origin of pixels misaligns by half a pixel.",
 )
 DISTORTION = cause(
-    "distortion",
-    lambda e: e.distortion_px,
-    lambda e: BEND_PX,
-    decide=bent,
     name="lens_distortion",
-    order=(4, 7, 3),
     label="lens distortion",
+    find=find_distortion,
+    severity=40,
     called="the lens distortion is {probably}wrong",
     sentence="All photos are {probably}distorted alike, by {px} at the corners: the "
     "lens distortion is wrong.",
@@ -179,33 +173,19 @@ DISTORTION = cause(
     advice_external="calibrate the lens again, or undistort the photos first.",
 )
 FOCAL = cause(
-    "focal",
     name="focal",
-    order=(14, 6.5, 2.5),
     label="focal length",
-    looked_for=lambda e: bool(e.matches and e.matches.lens),
+    find=find_focal,
+    severity=45,
     called="the focal length is {probably}off",
-    sentence=lambda e, probably: (
-        f"The focal length is {probably}off: matches between photos fit "
-        f"{by_matches(e).focal_ratio:.4f} times the one in use."
-    ),
-    advice=lambda e, gains: (
-        f"multiply the focal length by {by_matches(e).focal_ratio:.4f}, or "
-        "adjust the cameras before training: `poses: adjusted` in the config."
-    ),
-    advice_external=lambda e, gains: (
-        CORRECTED
-        if corrects(e)
-        else f"multiply the focal length by {by_matches(e).focal_ratio:.4f}, and "
-        "train again."
-    ),
+    sentence="The focal length is {probably}off: matches between photos fit {said} "
+    "times the one in use.",
 )
 SHUTTER = cause(
-    "shutter",
     name="rolling_shutter",
-    order=(15, 7.5, 3.5),
     label="rolling shutter",
-    looked_for=lambda e: bool(e.matches and e.matches.lens),
+    find=find_shutter,
+    severity=35,
     called="a rolling shutter {probably}skews the photos",
     sentence="A rolling shutter {probably}skews the photos: by {px} from the first row "
     "to the last of the median photo, with the camera's motion.",

@@ -1,6 +1,7 @@
 """The scene moved between photos: pixels that do not move with their camera."""
 
-from alignerf.causes import base, remedies
+from alignerf.causes import base
+from alignerf.causes.shared import remedies
 
 # Pixels that do not move with their camera: by so much at least, and by so much of what
 # it moves, since a model that averages wrong poses is bent; and their share. That is up
@@ -13,31 +14,31 @@ MOVED_ANYWAY = 0.25
 WARPED_MOTION_DB, WARPED_MOTION_TWICE_DB = 0.2, -1.8
 
 
-def advise(e, gains):
-    """Nothing where photos were warped in vain."""
-    if remedies.warped_in_vain(e, gains):
-        return None
-    return remedies.advise(e, gains) or (
-        "train longer, then warp the photos once (rounds: 1). Where only objects move "
-        f"in the demo's scene, warping brought {WARPED_MOTION_DB} dB at as many steps, "
-        f"and lost {-WARPED_MOTION_TWICE_DB} dB to a training as long as both."
+def find(e):
+    """Pixels that move by themselves; no advice where photos were warped in vain."""
+    tried = "" if remedies.warped_in_vain(e) else remedies.advise(e) or None
+    return base.beyond(
+        100 * e.moved_fraction,
+        100 * MOVED_FRACTION,
+        stands=e.moved_fraction > MOVED_ANYWAY,
+        advice=None if e.judged else tried,
     )
 
 
 CAUSE = base.Cause(
     name="motion",
-    page="howto/fix.md#something-moved",
-    order=(2, 11, 7),
     label="things that moved",
     unit="%",
-    scale=lambda e: 100,
-    value=lambda e: e.moved_fraction,
-    limit=lambda e: MOVED_FRACTION,
-    stands=lambda e: e.moved_fraction > MOVED_ANYWAY,
+    find=find,
+    severity=10,
     called="things {probably}moved",
     sentence="Things {probably}moved between photos: {value:.0f} % of a photo moves "
     "independently of the camera.",
-    advice=advise,
+    advice="train longer, then warp the photos once (rounds: 1). Where only objects "
+    f"move in the demo's scene, warping brought {WARPED_MOTION_DB} dB at as many "
+    f"steps, and lost {-WARPED_MOTION_TWICE_DB} dB to a training as long as both.",
     advice_external="leave out the photos in which things moved, or train on warped "
     "ones, which `{export}` writes.",
+    fix="cameras",
+    page="howto/fix.md#something-moved",
 )

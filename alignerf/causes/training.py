@@ -1,6 +1,7 @@
 """Training was too short, or had smaller photos."""
 
-from alignerf.causes import base, shift
+from alignerf.causes import base
+from alignerf.causes.shared import misalignment
 
 # What twice the steps brought on courtyard, in dB (docs/measured/tradeoff.csv).
 LONGER_DB = 0.3
@@ -10,62 +11,79 @@ EXPLAINS = ("camera", "motion", "sparse", "lens_shift", "lens_distortion", "floa
 EXPLAINS += ("blurred", "tone", "exposure")
 SPOILS = "training was too short"
 
+
+def find_ours(e):
+    """Of a training of ours, by how often it has seen each pixel."""
+    if e.judged:
+        return None
+    blind = misalignment.too_short(e) and not misalignment.known_crops(e)
+    least = misalignment.FEW_EPOCHS
+    return base.beyond(e.epochs, least, more_is_better=True, explains=blind)
+
+
+def find_others(e):
+    """Of another program's, by its renders, unless poses explain these."""
+    if not e.judged:
+        return None
+    return base.Finding(
+        misalignment.detail(e),
+        misalignment.MIN_DETAIL,
+        False if misalignment.too_short(e) else None,
+        more_is_better=True,
+        detectable=not misalignment.explained_by_poses(e),
+    )
+
+
+def find_smaller(e):
+    """Renders of another program that lack the photos' finest octave."""
+    if not e.judged:
+        return None
+    finest, least = misalignment.finest(e), misalignment.MIN_FINEST
+    return base.beyond(finest, least, more_is_better=True)
+
+
 OURS = base.Cause(
     name="undertrained",
-    order=(10, 5, 1),
     label="length of training",
     unit="epochs",
-    value=lambda e: e.epochs,
-    limit=lambda e: shift.FEW_EPOCHS,
-    more_is_better=True,
+    find=find_ours,
+    severity=70,
     explains=EXPLAINS,
-    explains_now=lambda e: shift.too_short(e) and not shift.known_crops(e),
     spoils=SPOILS,
-    looked_for=lambda e: not e.judged,
     called="trained {probably}too short",
     sentence="Training was {probably}too short: each pixel was seen {value:.2g} times.",
     advice="train longer first: more steps, or budget_min. Twice the steps brought "
     f"{LONGER_DB} dB on the demo's scene.",
+    fix="training",
 )
 OTHERS = base.Cause(
     name="undertrained_renders",
-    order=(12, 0, 0),
     label="length of training, by its renders",
     unit="of the photos' detail",
-    value=shift.detail,
-    limit=lambda e: shift.MIN_DETAIL,
-    more_is_better=True,
-    decide=lambda e: (
-        (shift.detail(e), False) if e.judged and shift.too_short(e) else None
-    ),
-    detectable=lambda e: not shift.explained_by_poses(e),
-    looked_for=lambda e: bool(e.judged),
+    find=find_others,
+    severity=95,
     explains=EXPLAINS,
     spoils=SPOILS,
     called="trained {probably}too short",
     sentence="Training was {probably}too short: renders have {value:.2g} of their "
     "photos' detail, at two to four pixels, and matches find no wrong poses.",
-    advice="train longer first.",
-    advice_external="train longer first, then judge again: blurred renders do not "
+    advice="train longer first, then judge again: blurred renders do not "
     "show misalignment.",
+    fix="training",
 )
 SMALLER = base.Cause(
     name="half_size",
-    order=(16, 5.5, 1.5),
     label="size of the training photos",
     unit="of the finest octave",
-    value=shift.finest,
-    limit=lambda e: shift.MIN_FINEST,
-    more_is_better=True,
+    find=find_smaller,
+    severity=55,
     explains=("motion",),
     spoils="renders are of smaller photos",
     called="training {probably}had smaller photos",
     sentence="Training {probably}had smaller photos than these: renders lack the "
     "finest octave of detail ({value:.2g} of the next).",
-    advice="train at the size of the photos (downscale).",
-    advice_external="train with photos of the size that is judged, or judge with those "
+    advice="train with photos of the size that is judged, or judge with those "
     "that were trained on: `-r 1` or --downscale-factor 1 of many programs.",
-    looked_for=lambda e: bool(e.judged),
-    decide=lambda e: SMALLER.beyond(e) if e.judged else None,
+    fix="training",
 )
 CAUSE = [OURS, OTHERS, SMALLER]

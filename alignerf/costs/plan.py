@@ -4,7 +4,7 @@ import math
 import os
 from typing import NamedTuple
 
-from alignerf.causes import shift
+from alignerf.causes.shared import misalignment
 from alignerf.experiment import decisions, jobs
 from alignerf.io import json_files
 
@@ -135,7 +135,7 @@ def length_of(work, rates, views: Views):
     if budget_min is not None:
         job = jobs.with_steps(job, jobs.steps_in(job, rate.step_s))
     whole_min = pixels / job.rays_per_step / job.share * rate.step_s / 60
-    least, enough = shift.FEW_EPOCHS / 2, shift.FEW_EPOCHS
+    least, enough = misalignment.FEW_EPOCHS / 2, misalignment.FEW_EPOCHS
     return {
         "epochs": job.steps * job.rays_per_step / pixels,
         "budget_min": budget_min,
@@ -156,7 +156,7 @@ def check(scene, found, free_bytes, parallel_jobs):
             "or a larger downscale"
         )
     length = found["length"] or {}
-    if not length.get("budget_min") or length["epochs"] >= shift.FEW_EPOCHS / 2:
+    if not length.get("budget_min") or length["epochs"] >= misalignment.FEW_EPOCHS / 2:
         return
     least, enough = length["least_min"], length["enough_min"]
     more = f", {enough} are enough" * (enough > least)

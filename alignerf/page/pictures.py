@@ -9,7 +9,7 @@ import io
 import numpy as np
 from PIL import Image
 
-from alignerf.causes import shift
+from alignerf.causes.shared import misalignment
 from alignerf.io import machine
 
 # The page stays under 15 MB. Base64 adds a third to these.
@@ -37,7 +37,7 @@ def in_order(views):
 
 def limit_of(evidence):
     """Length in px under which a flow is too short to tell, of a verdict's evidence."""
-    return shift.told_px(evidence.get("overfit_px"))
+    return misalignment.told_px(evidence.get("overfit_px"))
 
 
 def fitted(shown):

@@ -10,8 +10,7 @@ from pathlib import Path
 
 import pandas as pd
 
-from alignerf import causes
-from alignerf.causes import remedies
+from alignerf.causes.shared import remedies
 from alignerf.io import atomic, faults
 from alignerf.verdict import evidence, gains, report, views
 
@@ -39,12 +38,12 @@ def main(argv=None):
         crops=(args.crops, args.crops_corrected),
         before=args.before,
     )
-    brought = []
     if args.misalignment:
         judged = gains.judgements(args.scene, json.loads(args.corrected))
         timings = json.loads(args.aligned)
         brought = gains.of_table(args.misalignment, timings, judged)
-    content = content_of(known, brought, rows)
+        known = known._replace(tried=tuple(brought))
+    content = content_of(known, rows)
     table = pd.DataFrame(rows, columns=views.COLUMNS)
     with (
         atomic.replace_file(args.out) as path,
@@ -55,17 +54,16 @@ def main(argv=None):
     print("\n".join(map(faults.one_line, content["verdict"])))
 
 
-def content_of(known, brought, rows):
-    """What verdict.json holds. brought: `remedies.Gain`s; rows: `views.View`s."""
-    findings = causes.find(known)
-    told = report.of(known, findings, brought, rows)
-    checked = known.pairs._asdict() | {"stops": known.pairs.stops}
+def content_of(known, rows):
+    """What verdict.json holds. known: `base.Evidence`; rows: `views.View`s."""
+    told, numbers = report.of(known, rows), known._asdict()
+    numbers["pairs"] = known.pairs._asdict() | {"stops": known.pairs.stops}
+    brought = numbers.pop("tried")
     return {
         "verdict": report.terminal(told),
         **told,
-        "findings": [f._asdict() | {"cause": f.cause.name} for f in findings],
         "gains": [g._asdict() | {"pays": remedies.pays(known, g)} for g in brought],
-        "evidence": known._asdict() | {"pairs": checked},
+        "evidence": numbers,
         "stands_out": {row.view: row.stands_out for row in rows if row.stands_out},
     }
 

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from alignerf import testsets
-from alignerf.causes.remedies import Gain
+from alignerf.causes.shared.remedies import Gain
 from alignerf.io import csv_files, json_files
 from alignerf.scenes import prepared
 from alignerf.sfm import acceptance, calibration, matches

@@ -5,8 +5,8 @@ Lengths are in pixels of the original photo.
 
 import math
 
-from alignerf.causes import shift
 from alignerf.causes.base import length
+from alignerf.causes.shared import misalignment
 
 # Why crops tell nothing.
 NOTHING_TOLD = {
@@ -26,17 +26,16 @@ DEPTHS = {
 }
 
 
-def sentences(e, views, gains=()):
-    """All of them. views: `views.View`s; gains: `remedies.Gain`s."""
+def sentences(e, views):
+    """All of them. views: `views.View`s."""
     if e.pairs.stops:
         return poses(e)
-    of_crops = crops(e, gains) if e.crops else []
+    of_crops = crops(e) if e.crops else []
     of_others = judged(e) if e.judged else []
     odd = [f"{view.view}: {view.stands_out}" for view in views if view.stands_out]
     more = f"; {len(odd) - 3} more in tables/views.csv" if len(odd) > 3 else ""
     photos = [f"Photos that stand out: {'; '.join(odd[:3])}{more}."] if odd else []
-    of_poses = poses(e, [gain for gain in gains if gain.matches])
-    return [*of_poses, *of_crops, whole_photos(e), *of_others, *photos, *perturbed(e)]
+    return [*poses(e), *of_crops, whole_photos(e), *of_others, *photos, *perturbed(e)]
 
 
 def perturbed(e):
@@ -47,11 +46,8 @@ def perturbed(e):
     return [told] * bool(e.perturb_px)
 
 
-def poses(e, tried=()):
-    """What bundle adjustment says of the cameras, where it was asked.
-
-    tried: fixes that say how near matches are by them.
-    """
+def poses(e):
+    """What bundle adjustment says of the cameras, where it was asked."""
     if not e.matches:
         return []
     m = e.matches
@@ -68,7 +64,9 @@ def poses(e, tried=()):
         what = "a method with adjust: true, or poses: adjusted, corrects them"
     off = f"{length(m.pose_error_px)} of the photo (worst view {length(m.worst_px)})"
     verb = "were" if m.applied else "are"
-    found = "" if tried else f" Held-out matches: {change}."
+    # Fixes say how near matches are by them.
+    told = not e.pairs.stops and any(gain.matches for gain in e.tried)
+    found = "" if told else f" Held-out matches: {change}."
     named = "; ".join(m.named) or f"poses {verb} off by {off}"
     return [f"By matches, {named}: {what}.{found}"]
 
@@ -81,7 +79,7 @@ def whole_photos(e):
         parts.append(f"{px} on training photos")
     if math.isfinite(e.flow_test_px) or not e.judged:
         parts.append(f"{length(e.photo_px * e.flow_test_px)} on held-out ones")
-    limit = e.photo_px * shift.told_px(e.overfit_px)
+    limit = e.photo_px * misalignment.told_px(e.overfit_px)
     begins = "The misalignment of photo and render is"
     if e.crops:
         begins = "By whole photos, trained small, the misalignment is"
@@ -89,9 +87,9 @@ def whole_photos(e):
     return f"{begins} {', '.join(parts)}; {unseen}."
 
 
-def crops(e, gains):
+def crops(e):
     """What crops at the photos' own size tell, or why they tell nothing."""
-    w, say = e.crops, shift.of_crops_say(e)
+    w, say = e.crops, misalignment.of_crops_say(e)
     apart, held_out = length(w.flow_px), length(w.flow_test_px)
     if say in NOTHING_TOLD:
         why = NOTHING_TOLD[say].format(w=w, apart=apart, held_out=held_out)
@@ -110,7 +108,7 @@ def crops(e, gains):
         )
     if say == "unconfirmed":
         lines.append("Held-out photos do not confirm it.")
-    moved = {gain.cameras_moved for gain in gains if gain.in_loop}
+    moved = {gain.cameras_moved for gain in e.tried if gain.in_loop}
     # Where no camera has moved, the others are the same once more.
     if math.isfinite(w.corrected_px) and moved != {0}:
         px = length(w.corrected_px)

@@ -10,8 +10,9 @@ import re
 import textwrap
 
 from alignerf import causes, testsets
-from alignerf.causes import camera, coverage, motion, remedies, shift
+from alignerf.causes import base, camera, coverage, motion
 from alignerf.causes.base import amount, length
+from alignerf.causes.shared import misalignment, remedies
 from alignerf.io import provenance
 from alignerf.metrics import pairs
 from alignerf.verdict import kinds, measured
@@ -20,8 +21,6 @@ from alignerf.verdict import kinds, measured
 INDENT, WIDTH = 13, 100
 # A command in a text.
 COMMAND = re.compile(r"`((?:make|snakemake|why-blurry|ns-|python) ?[^`]*)`")
-# From this place among advice on, photos are to be taken.
-MORE_PHOTOS = 8
 LEVELS = FAULTY, LIKELY, OK, UNKNOWN = kinds.LEVELS
 # How a gauge begins whose evidence another cause spoils.
 CANNOT_TELL = "cannot tell, because"
@@ -34,136 +33,130 @@ WIDER = (
 )
 
 
-def of(e, findings, gains, views):
+def of(e, views):
     """What is told of a scene: {key: text, or what is in it}.
 
-    gains: of `gains.of_table`; views: of `evidence.read_views`. state: `aligned`,
-    `misaligned` or `unclear`. headline: one sentence. because: a sentence for each
-    cause that is named. do_first: {text, command}, the command may be None. tried: of
-    each fix of this run. measured: sentences. causes: of each cause that is looked
-    for, also where it is fine, see `gauge`.
+    views: of `evidence.read_views`. state: `aligned`, `misaligned` or `unclear`.
+    headline: one sentence. because: a sentence for each cause that is named. do_first:
+    {text, command}, the command may be None. tried: of each fix of this run. measured:
+    sentences. findings: of each cause that is named, the gravest first. causes: of each
+    cause that is looked for, also where it is fine, see `gauge`.
     """
-    head = headline(e, findings)
-    text = advise(e, findings, gains)
+    examined = causes.examine(e)
+    named = [one for one in examined if one.sure is not None]
+    head, text = headline(e, named), advise(e, named)
     command = COMMAND.search(text)
-    told, spoilt = not e.pairs.stops, causes.spoilt(e, findings)
+    told = not e.pairs.stops
     return {
-        "state": state(e, findings),
+        "state": state(e, named),
         "headline": head[0].upper() + head[1:],
         # What stops all others is the headline.
-        "because": [finding.sentence(e) for finding in findings] * told,
+        "because": [one.sentence for one in named] * told,
         "do_first": {
             "text": text[0].upper() + text[1:],
             "command": command and command[1],
         },
-        "tried": [tried(gain, e) for gain in gains] * told,
-        "measured": measured.sentences(e, views, gains),
-        "causes": [
-            gauge(cause, e, findings, spoilt.get(cause.name))
-            for cause in causes.every()
-            if cause.looked_for(e)
+        "tried": [tried(gain, e) for gain in e.tried] * told,
+        "measured": measured.sentences(e, views),
+        "findings": [
+            {"cause": one.cause.name, "value": one.value, "sure": one.sure}
+            for one in named
         ],
+        "causes": [gauge(one) for one in examined],
     }
 
 
-def state(e, findings):
+def state(e, named):
     """The verdict in a word: `aligned`, `misaligned` or `unclear`."""
     if e.pairs.stops:
         return "unclear"
-    off = e.judged and shift.poses_off(e) and shift.misaligned(e)
+    off = e.judged and misalignment.poses_off(e) and misalignment.misaligned(e)
     # What matches say needs no shape that photos fix.
-    if shift.by_crops(e) or off:
+    if misalignment.by_crops(e) or off:
         return "misaligned"
-    if is_sparse(findings) or shift.few_train(e) or not shift.is_sharp(e):
+    few = of_cause(coverage.SPARSE, named) or misalignment.few_train(e)
+    if few or not misalignment.is_sharp(e):
         return "unclear"
-    if shift.misaligned(e) and not shift.too_short(e):
+    if misalignment.misaligned(e) and not misalignment.too_short(e):
         return "misaligned"
     # What another cause explains may still be there.
-    fits = not coverage.SPARSE.find(e)
-    return "aligned" if shift.tells(e) and fits else "unclear"
+    fits = not coverage.is_sparse(e)
+    return "aligned" if misalignment.tells(e) and fits else "unclear"
 
 
-def is_sparse(findings, *, surely=False):
-    """Whether photos are named as too few, or too far apart, to fix a shape."""
-    return any(f.cause is coverage.SPARSE and f.sure >= surely for f in findings)
+def of_cause(cause, named):
+    """The Finding of a cause among those that are named; else None."""
+    return next((one for one in named if one.cause is cause), None)
 
 
-def headline(e, findings):
+def headline(e, named):
     """One line: aligned or not, by how much, and the gravest causes."""
     if e.pairs.stops:
         return f"cannot be told: {pairs.sentence(e.pairs)}."
-    kind, called = state(e, findings), ", ".join(one.called for one in findings)
+    kind, called = state(e, named), ", ".join(one.called for one in named)
     if kind == "misaligned":
-        by = f"misaligned by {length(shift.shift_px(e))}"
+        by = f"misaligned by {length(misalignment.shift_px(e))}"
         return f"{by}{called and ': ' + called}."
     if kind == "aligned":
-        far = f"aligned, as far as {length(shift.limit_px(e))} can show"
+        far = f"aligned, as far as {length(misalignment.limit_px(e))} can show"
         return f"{far}{called and '; but ' + called}."
-    if is_sparse(findings):
-        for one in findings:
-            if one.cause.seen_by_points:
-                return f"{one.called}, and photos are too few or too far apart."
+    if of_cause(coverage.SPARSE, named):
+        if poses := of_cause(camera.CAUSE, named):
+            return f"{poses.called}, and photos are too few or too far apart."
         return "too few photos, or too far apart: alignment does not help."
-    if shift.few_train(e):
+    if misalignment.few_train(e):
         return "too few photos to say much."
-    if shift.too_short(e):
+    if misalignment.too_short(e):
         return "trained too short to tell how well photos are aligned."
     also = called and f" But {called}."
-    if not math.isfinite(shift.flow_px(e)):
+    if not math.isfinite(misalignment.flow_px(e)):
         return f"cannot be told: no flow from renders to photos is valid.{also}"
-    if shift.of_crops_say(e) == "unconfirmed":
+    if misalignment.of_crops_say(e) == "unconfirmed":
         px = length(e.crops.flow_px)
         return f"cannot be told for sure: crops are {px} apart.{also}"
-    if coverage.SPARSE.find(e):
+    if coverage.is_sparse(e):
         return (
             f"cannot be told: held-out photos are far worse than training photos.{also}"
         )
-    seen = f"a misalignment under {length(shift.limit_px(e))} would not be seen"
+    seen = f"a misalignment under {length(misalignment.limit_px(e))} would not be seen"
     return f"cannot be told at this size: {seen}.{also}"
 
 
-def advise(e, findings, gains=()):
+def advise(e, named):
     """The fix to try first; never one that this run has tried in vain."""
     if e.pairs.stops:
         return pairs.advice(e.pairs)
-    if is_sparse(findings, surely=True) and not e.judged:
+    sparse = of_cause(coverage.SPARSE, named)
+    if sparse and sparse.sure and not e.judged:
         # What is only probable then is seen by bad renders; poses are by points, too.
-        findings = [one for one in findings if one.sure or one.cause.seen_by_points]
-    for cause, *_ in sorted(findings, key=place_of_advice):
-        text = cause.advice_external if e.judged else cause.advice
-        said = text(e, gains) if callable(text) else text
-        if said := with_export(e, said) if e.judged else said:
-            return said
+        named = [one for one in named if one.sure or one.cause is camera.CAUSE]
+    for one in sorted(named, key=lambda one: one.cost):
+        if said := one.told(external=bool(e.judged)):
+            return with_export(e, said) if e.judged else said
     if e.judged:
         return of_judged_alignment(e)
-    if remedies.warped_in_vain(e, gains):
+    if remedies.warped_in_vain(e):
         return "leave the photos as they are: warping them brought no significant gain."
-    misaligned = shift.misaligned(e)
-    if tried := remedies.advise(e, gains, only_paying=not misaligned):
-        return tried
+    misaligned = misalignment.misaligned(e)
+    if said := remedies.advise(e, only_paying=not misaligned):
+        return said
     if misaligned:
-        return f"{camera.text(e)} The cause is unknown: look at the residual flow."
-    if not shift.tells(e):
-        return {None: UNSEEN, "few": WIDER}.get(shift.of_crops_say(e), LARGER)
+        return f"{camera.align(e)} The cause is unknown: look at the residual flow."
+    if not misalignment.tells(e):
+        return {None: UNSEEN, "few": WIDER}.get(misalignment.of_crops_say(e), LARGER)
     return "nothing about alignment. For sharper renders train for more steps."
-
-
-def place_of_advice(finding):
-    """What is sure comes before what is probable, and more photos after all else."""
-    place = finding.cause.order[2]
-    return place >= MORE_PHOTOS, not finding.sure, place
 
 
 def of_judged_alignment(e):
     """What to do about renders of another program of which no cause is named."""
-    if shift.misaligned(e):
+    if misalignment.misaligned(e):
         return with_export(e, motion.CAUSE.advice_external)
-    if not shift.tells(e):
+    if not misalignment.tells(e):
         return (
             "render larger images: at this size a misalignment is too small to be seen."
         )
-    if coverage.SPARSE.find(e):
-        return coverage.SPARSE.advice_external
+    if coverage.is_sparse(e):
+        return coverage.SPARSE.advice
     return (
         "nothing about alignment. For sharper renders train longer, or a larger model."
     )
@@ -201,7 +194,7 @@ def tried(gain, e):
         notes.append("judged by the input cameras, so that the true gain is larger")
     if gain.cameras_moved == 0:
         notes.append("no camera moved")
-    if e.test_views < shift.FEW_TEST_VIEWS:
+    if e.test_views < misalignment.FEW_TEST_VIEWS:
         notes.append(f"{e.test_views} held-out photos are too few to be sure")
     elif not (gain.low > 0 or gain.high < 0):
         notes.append("not significant")
@@ -216,49 +209,48 @@ def took_s(gain):
     return round(60 * gain.minutes)
 
 
-def gauge(cause, e, findings, spoilt=None):
+def gauge(one):
     """{cause, name, level, value, limit, unit, measured, allowed, note, page, text}.
 
-    level: `faulty` or `likely` where it is named, `ok`, or `cannot tell`, as where
-    another cause explains what would show it.
+    one: a `base.Finding`. Its level is `cannot tell` also where another cause explains
+    what would show it.
     """
-    scale = cause.scale(e)
-    value, limit = float(scale * cause.value(e)), float(scale * cause.limit(e))
-    sure = {finding.cause: finding.sure for finding in findings}
-    if cause in sure:
-        level = FAULTY if sure[cause] else LIKELY
-    else:
-        unknown = not (cause.detectable(e) and math.isfinite(value))
-        unknown |= bool(spoilt or e.pairs.stops)
-        level = UNKNOWN if unknown else OK
-    measured = cause.says(e) if cause.says else amount(value, cause.unit)
-    bound = amount(limit, cause.unit)
-    if not cause.says:
+    cause, level = one.cause, level_of(one)
+    bound = amount(one.limit, cause.unit)
+    if not one.measured:
         # The unit stands beside what was measured.
         bound = bound.removesuffix(f" {cause.unit}")
-    allowed = f"{'from' if cause.more_is_better else 'up to'} {bound}"
-    allowed = allowed if limit or cause.more_is_better else "none"
-    note = ""
-    if spoilt and level == UNKNOWN:
-        note = f"{CANNOT_TELL} {spoilt.cause.spoils}"
-    elif level == OK and (value < limit if cause.more_is_better else value > limit):
+    allowed = f"{'from' if one.more_is_better else 'up to'} {bound}"
+    allowed = allowed if one.limit or one.more_is_better else "none"
+    found = base.beyond(one.value, one.limit, more_is_better=one.more_is_better)
+    note = f"{CANNOT_TELL} {one.spoilt}" if one.spoilt else ""
+    if level == OK and found.sure is not None:
         # Views do not agree on it, or matches deny it.
         note = "not significant"
-    said = f"{measured}; {note or f'fine: {allowed}'}"
+    measured = one.measured or amount(one.value, cause.unit)
+    said = note if level == UNKNOWN else f"{measured}; {note or f'fine: {allowed}'}"
     return {
         "cause": cause.name,
         "name": cause.label,
         "level": level,
-        "value": value,
-        "limit": limit,
+        "value": float(one.value),
+        "limit": float(one.limit),
         "unit": cause.unit,
-        "more_is_better": cause.more_is_better,
+        "more_is_better": one.more_is_better,
         "measured": measured,
         "allowed": allowed,
         "note": note,
         "page": cause.page,
-        "text": f"{cause.label} ({note if level == UNKNOWN else said})",
+        "text": f"{cause.label} ({said})",
     }
+
+
+def level_of(one):
+    """Of LEVELS, of a `base.Finding`."""
+    if one.sure is not None:
+        return FAULTY if one.sure else LIKELY
+    told = one.detectable and not one.spoilt
+    return OK if told and math.isfinite(one.value) else UNKNOWN
 
 
 def without_command(do_first):

@@ -5,7 +5,8 @@ import re
 import pandas as pd
 import pytest
 
-from alignerf.causes import camera, motion, shift, training
+from alignerf.causes import camera, motion, training
+from alignerf.causes.shared import misalignment
 from alignerf.page import photos, told
 from alignerf.tables import effects
 
@@ -190,7 +191,7 @@ def test_pages_say_the_scale_of_the_flow_and_that_figures_have_their_own(page_of
     text = page_of("docs/reference/files.md")
     assert f"full color is {photos.FULL_PX:g} px" in text
     assert "rim of its color wheel" in text
-    assert f"{shift.ALIGNED_PX:g} px, or what the estimator finds" in text
+    assert f"{misalignment.ALIGNED_PX:g} px, or what the estimator finds" in text
 
 
 def test_fixes_on_real_captures_are_those_measured(root, page_of, measured):

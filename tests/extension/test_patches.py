@@ -14,7 +14,7 @@ from tests.alignerf.causes import cases
 told = {}
 for name, e in ("ours", cases.WELL), ("theirs", cases.THEIRS):
     for soft in (0.8, 0.5, 0.3):
-        content = verdict.content_of(e._replace(detail_median=soft), [], [])
+        content = verdict.content_of(e._replace(detail_median=soft), [])
         pathlib.Path("verdict.json").write_text(json.dumps(verdict.plain(content)))
         told[f"{name} {soft}"] = page.read(pathlib.Path())
 reached = {path.name for path in sources.reached("alignerf.verdict")}
@@ -45,7 +45,7 @@ def test_a_cause_is_named_said_advised_on_and_shown(soft, e):
             assert not found["findings"]
             continue
         (finding,) = found["findings"]
-        wanted = {"cause": "soft", "size": float(value), "sure": level == "faulty"}
+        wanted = {"cause": "soft", "value": float(value), "sure": level == "faulty"}
         assert finding == wanted
         assert f"{float(value):.2f} of their renders' detail" in found["because"][0]
         words = "enlarged" if e == "ours" else "as they were taken"

@@ -27,8 +27,8 @@ from alignerf.causes import (
     exposure,
     lens,
     motion,
-    shift,
 )
+from alignerf.causes.shared import misalignment
 from alignerf.io import images, machine
 from alignerf.metrics import pairs
 from alignerf.scenes import prepare, prepared
@@ -44,8 +44,8 @@ STRONG_DB = 0.3
 # so that no fit depends on a fit before it. Those of too few photos are not fitted, as
 # no fault leaves photos out, nor those of flows alone, as all cases have matches.
 LIMITS = {
-    (shift, "MIN_DETAIL"): 0.5,
-    (shift, "MIN_FINEST"): 0.35,
+    (misalignment, "MIN_DETAIL"): 0.5,
+    (misalignment, "MIN_FINEST"): 0.35,
     (motion, "MOVED_FRACTION"): 0.05,
     (motion, "MOVED_ANYWAY"): 0.25,
     (lens, "SHIFT_PX"): 0.045,

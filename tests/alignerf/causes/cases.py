@@ -3,7 +3,8 @@
 import math
 
 from alignerf import causes
-from alignerf.causes import base, remedies
+from alignerf.causes import base
+from alignerf.causes.shared import remedies
 from alignerf.sfm import lens
 
 # A scene in which nothing is wrong, as measured on courtyard.

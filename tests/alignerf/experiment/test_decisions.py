@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from alignerf import facts
-from alignerf.causes import shift
+from alignerf.causes.shared import misalignment
 from alignerf.experiment import decisions as rules
 from alignerf.experiment.keys import training as training_keys
 from alignerf.mipnerf360 import coord
@@ -72,7 +72,7 @@ def test_steps_grow_with_pixels_within_bounds():
     seen = found[1] * training_keys.Training().batch_rays / (50 * 400 * 300)
     assert seen == pytest.approx(rules.EPOCHS, rel=0.02)
     # As often as the verdict asks, below which a training is called short.
-    assert seen >= shift.FEW_EPOCHS
+    assert seen >= misalignment.FEW_EPOCHS
 
 
 @pytest.mark.parametrize(

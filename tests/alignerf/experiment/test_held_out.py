@@ -5,7 +5,7 @@ import pytest
 
 from alignerf import poses
 from alignerf.captures import base
-from alignerf.causes import shift
+from alignerf.causes.shared import misalignment
 from alignerf.experiment import check, schema
 from alignerf.experiment.keys import scene as scene_keys
 from alignerf.scenes import prepare
@@ -26,10 +26,10 @@ def test_views_are_held_out_as_seldom_as_an_interval_allows(views, source):
     if views < 17:
         assert n == 8
         return
-    assert held_out >= shift.FEW_TEST_VIEWS
-    assert views - held_out >= shift.FEW_TRAIN_VIEWS
+    assert held_out >= misalignment.FEW_TEST_VIEWS
+    assert views - held_out >= misalignment.FEW_TRAIN_VIEWS
     assert 4 <= n <= 8
-    assert n == 8 or -(-views // (n + 1)) < shift.FEW_TEST_VIEWS
+    assert n == 8 or -(-views // (n + 1)) < misalignment.FEW_TEST_VIEWS
     assert views < 33 or n == 8
 
 
@@ -51,7 +51,7 @@ def test_a_number_holds(n):
 
 
 def test_enough_is_what_the_verdict_calls_enough():
-    assert base.MIN_TEST_VIEWS == shift.FEW_TEST_VIEWS
+    assert base.MIN_TEST_VIEWS == misalignment.FEW_TEST_VIEWS
 
 
 def test_what_a_file_says_itself_is_kept_and_a_number_beside_it_is_told(caplog):

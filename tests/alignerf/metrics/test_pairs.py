@@ -78,7 +78,7 @@ def test_nonsense_is_named_and_stops_the_verdict(name):
     e = THEIRS._replace(pairs=found)
     findings = causes.find(e)
     assert [finding.cause.name for finding in findings] == ["pairs"]
-    told = report.of(e, findings, [], [])
+    told = report.of(e, [])
     assert told["state"] == "unclear"
     assert f"12 of 12 are {pairs.KINDS[kind]}" in told["headline"]
     assert not told["because"] + told["measured"]
@@ -193,7 +193,7 @@ def test_swapped_views_are_named_and_few_are_left_out():
     assert found.faults == {view: ("swapped", other) for view, other in shows.items()}
     assert not found.stops
     e = THEIRS._replace(pairs=found)
-    told = report.of(e, causes.find(e), [], [])
+    told = report.of(e, [])
     assert "some renders are left out" in told["headline"]
     assert "2 of 24 are of other photos" in told["because"][0]
     assert "(v02 shows v03, v03 shows v02)" in told["because"][0]

@@ -33,8 +33,9 @@ def scene(tmp_path, monkeypatch):
 
 def verdicts():
     """One of ours that has tried something, and one of another program's renders."""
-    ours = verdict.content_of(cases.with_faults("camera"), [cases.GAIN], [])
-    theirs = verdict.content_of(cases.THEIRS._replace(matches=cases.MATCHES), [], [])
+    tried = cases.with_faults("camera", tried=(cases.GAIN,))
+    ours = verdict.content_of(tried, [])
+    theirs = verdict.content_of(cases.THEIRS._replace(matches=cases.MATCHES), [])
     return [json.loads(json.dumps(verdict.plain(one))) for one in (ours, theirs)]
 
 

@@ -3,7 +3,7 @@
 from typing import NamedTuple
 
 from alignerf import testsets
-from alignerf.causes import shift
+from alignerf.causes.shared import misalignment
 from alignerf.io import provenance
 
 
@@ -40,12 +40,12 @@ def pays(e, gain):
         return False
     moves = ["cameras"] * bool(gain.in_loop)
     fair = not testsets.is_unfair(gain.test_set, moves)
-    return fair and e.test_views >= shift.FEW_TEST_VIEWS and gain.low > 0
+    return fair and e.test_views >= misalignment.FEW_TEST_VIEWS and gain.low > 0
 
 
-def advise(e, gains, *, only_paying=False):
+def advise(e, *, only_paying=False):
     """Advice where this run has moved cameras, else nothing."""
-    tried = [gain for gain in gains if gain.in_loop]
+    tried = [gain for gain in e.tried if gain.in_loop]
     if not tried:
         return ""
     best = max(tried, key=lambda gain: (pays(e, gain), gain.db))
@@ -57,7 +57,7 @@ def advise(e, gains, *, only_paying=False):
             f"train on the corrected cameras ({best.method}), which "
             f"`{provenance.export_command()}` writes."
         )
-    if only_paying or e.test_views < shift.FEW_TEST_VIEWS:
+    if only_paying or e.test_views < misalignment.FEW_TEST_VIEWS:
         return ""
     return (
         f"leave cameras and photos as they are: what {best.method} corrected brought "
@@ -65,10 +65,10 @@ def advise(e, gains, *, only_paying=False):
     )
 
 
-def warped_in_vain(e, gains):
+def warped_in_vain(e):
     """Whether this run warped photos without a gain, by enough views.
 
     A remedy that also moves cameras is for `advise` to judge.
     """
-    lows = [gain.low for gain in gains if gain.warped and not gain.in_loop]
-    return bool(lows) and e.test_views >= shift.FEW_TEST_VIEWS and max(lows) <= 0
+    lows = [gain.low for gain in e.tried if gain.warped and not gain.in_loop]
+    return bool(lows) and e.test_views >= misalignment.FEW_TEST_VIEWS and max(lows) <= 0

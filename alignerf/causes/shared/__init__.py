@@ -1,0 +1,5 @@
+"""What several causes ask of an Evidence; none of these modules is a cause.
+
+`misalignment`: how far photos and renders are apart, and the least that would be seen.
+`remedies`: what this run has tried, and whether it pays.
+"""
