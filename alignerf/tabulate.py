@@ -7,13 +7,13 @@ Each is written as CSV and LaTeX, its provenance beside it.
 from pathlib import Path
 
 from alignerf.io import faults
-from alignerf.tables import controls, costs, frame, misalignment, ranking
+from alignerf.tables import controls, displacement, frame, misalignment, ranking
 
 # {table: the functions that make it, and its LaTeX}.
 TABLES = {
     "misalignment": (misalignment.make_table, misalignment.to_latex),
     "controls": (controls.make_table, controls.to_latex),
-    "displacement": (costs.displacement, costs.displacement_to_latex),
+    "displacement": (displacement.make_table, displacement.to_latex),
     "ranking": (ranking.make_table, ranking.to_latex),
 }
 
@@ -46,7 +46,7 @@ def main(argv=None):
             TABLES[name][1],
             csv=args.out / f"{name}.csv",
             tex=args.out / f"{name}.tex",
-            frame=views,
+            scenes=[args.scene],
             configs=args.configs,
         )
 

@@ -32,18 +32,17 @@ def scores(db):
     return pd.concat(lines, ignore_index=True)
 
 
-def row(db, method="plain", round=0, *, base=None, costs=COSTS, own=None, **fields):
+def row(db, method="plain", round=0, *, base=None, costs=COSTS, **fields):
     """A row's lines of a `frame.read`; base: the row that it is set against.
 
-    costs: {} of renders that are given. own: entries of its line of trainings.csv.
+    costs: {} of finished renders.
     """
     made = scores(db)
-    line = dict.fromkeys(columns.names("trainings"), np.nan) | TIMING | (own or {})
-    line |= dict.fromkeys(frame.COSTS, np.nan) | (costs and COSTS | costs)
+    line = dict.fromkeys(frame.COSTS, np.nan) | (costs and COSTS | costs)
     line |= {"scene": "yard", "method": method, "round": round, "description": method}
-    line |= {"way": f"{method}/round{round}" if costs else np.nan, "published": None}
+    line |= {"published": None, "moves_cameras": False, "moves_photos": False}
     line |= {"baseline": base["method"].iloc[0] if base is not None else method}
-    made = made.assign(**line | fields, trainings=[[]] * len(made))
+    made = made.assign(**line | fields)
     base = made if base is None else base
     return frame.beside(made, base, "base_db", ["test_set", "view"])
 
@@ -70,22 +69,22 @@ def emptied(own, **keys):
 
 def made(function, rows, *more):
     """What a table is, of rows or scenes."""
-    return function(pd.concat(rows, ignore_index=True), *more)
+    views = pd.concat(rows, ignore_index=True)
+    views = frame.with_reference(views) if "reference" in views else views
+    return function(views, *more)
 
 
 def scene_like(name, **fields):
     """The `Scene` of a scene; fields: what it is like."""
-    alike = {"like": name, "alike": name, "reference": "plain"}
-    like = {"seed": 0, "perturb_px": 0, "motion_m": None, "steps": 100, "share": 1}
-    return table_scenes.Scene(**{"scene": name, **alike, **like, **fields})
+    like = {"scene": name, "alike": name, "reference": "plain", "seed": 0}
+    like |= {"perturb_px": 0, "scene_steps": 100, "share": 1}
+    return table_scenes.Scene(**like | fields)
 
 
 def scored(name, rows, **fields):
     """A scene of a `frame.read_scenes`; fields: of its `Scene`."""
     like = scene_like(name, **{"reference": rows[0]["method"].iloc[0], **fields})
-    like = like._asdict() | {"scene_steps": like.steps}
-    del like["steps"]
-    return pd.concat(rows, ignore_index=True).assign(**like)
+    return pd.concat(rows, ignore_index=True).assign(**like._asdict())
 
 
 def one(table, **keys):

@@ -19,7 +19,7 @@ NUMBERS = re.compile(
 TEXTS = (
     "view test_set metric method description baseline base scene variant split field "
     "warping parts condition difference_to source origin quantity group changes beside "
-    "published folder way flows corrected before stands_out length commit lock device "
+    "published folder before stands_out length commit lock device "
     "environment aligned data note effect over truth reproduced"
 )
 TEXTS = dict.fromkeys(re.findall(r"\w+", TEXTS), str)

@@ -49,14 +49,14 @@ def as_json(described):
     return json.dumps(described, indent=2) + "\n"
 
 
-def describe(rows, configs, *, seeds=(), devices=()):
+def describe(trainings, configs, *, seeds=(), devices=()):
     """The provenance of a table, as JSON can have it.
 
-    rows: mappings of a row's labels and its `trainings`, each with its `path` and KEYS.
+    trainings: mappings of the `path` and KEYS of each that the table is made of.
     configs: paths of the scenes' complete configs. seeds, devices: further ones, which
     neither configs nor trainings name. Raises ValueError naming a file that is damaged.
     """
-    trained_on = {one["device"] for row in rows for one in row["trainings"]}
+    trained_on = {one["device"] for one in trainings}
     contents = {str(path): yaml_files.read(path) for path in configs}
     of_configs = [
         s for path, config in contents.items() for s in seeds_of(path, config)
@@ -65,7 +65,7 @@ def describe(rows, configs, *, seeds=(), devices=()):
         "device": sorted({*devices, *trained_on} - {None}),
         "seeds": sorted({*seeds, *of_configs}),
         "configs": contents,
-        "rows": rows,
+        "trainings": trainings,
     }
 
 

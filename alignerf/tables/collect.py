@@ -1,9 +1,10 @@
 """A scene's scores and trainings, a file each: `python -m alignerf.tables.collect`.
 
 scores.csv has a row per method, round, test set, view and metric: scores of renders,
-and of the flow from render to photo its length and its parts. trainings.csv has a row
-per training that led to one of them, and per renders that are given: what it was, what
-came before it, and what it took. All tables are made of these two.
+and of the flow from render to photo its length and its parts. Without test set and
+view it has the costs of a method and round: of all trainings that lead to it.
+trainings.csv has a row per training: its names, what it took, what made it. All tables
+are made of these two.
 
 What a row's files tell, by name:
 
@@ -22,6 +23,8 @@ from alignerf.tables import columns
 
 # Of a training; seconds are without compilation.
 TRAINED = ("steps", "rays_seen", "params", "train_time_s", "compile_time_s")
+# Summed over all trainings that lead to a row.
+SUMMED = ["train_time_s", "steps", "rays_seen"]
 
 
 OPTIONS = {
@@ -34,28 +37,44 @@ OPTIONS = {
 def main(argv=None):
     args = faults.arguments(argv, __doc__, OPTIONS)
     rows = table_rows.read(table_rows.Row, args.rows)
-    scores = scores_of([row for row in rows if row.method])
+    named = [row for row in rows if row.method]
     trainings = pd.DataFrame([line_of(row) for row in rows])
     trainings = trainings.reindex(columns=columns.names("trainings"))
+    # Two methods may share a training: each has a line of its own.
+    by_folder = trainings.drop_duplicates("folder").set_index("folder")
+    scores = pd.concat(
+        [*map(scores_of, named), *(costs_of(r, by_folder) for r in named)]
+    )
     counts = dict.fromkeys(("round", "steps", "rays_seen", "params"), "Int64")
     with (
         atomic.replace_file(args.scores) as scores_path,
         atomic.replace_file(args.trainings) as trainings_path,
     ):
-        scores.to_csv(scores_path, index=False)
+        scores[columns.names("scores")].to_csv(scores_path, index=False)
         trainings.astype(counts).to_csv(trainings_path, index=False)
 
 
-def scores_of(rows):
-    """The scores of rows, of the same views all."""
+def scores_of(row):
+    """The scores of a row, by test set and view."""
     readers = {"scores": views_of, "aligned_pose": views_of, "parts": parts_of}
-    tables = [
-        reader(row.files[name]).assign(method=row.method, round=row.round)
-        for row in rows
-        for name, reader in readers.items()
-        if name in row.files
+    known = [reader(row.files[n]) for n, reader in readers.items() if n in row.files]
+    return pd.concat(known).assign(method=row.method, round=row.round)
+
+
+def costs_of(row, trainings):
+    """The costs of a row: sums over the trainings on its way, the model of the last."""
+    costs = trainings.loc[row.way, SUMMED].astype(float).sum(skipna=False).to_dict()
+    seconds = [
+        trainings.loc[row.flows, ["render_time_s", "align_time_s"]].to_numpy().sum(),
+        trainings.loc[row.corrected, "correct_time_s"].sum(skipna=False),
     ]
-    return pd.concat(tables)[columns.names("scores")]
+    costs["data_time_s"] = float(sum(seconds))
+    costs["total_time_s"] = costs["train_time_s"] + costs["data_time_s"]
+    costs |= trainings.loc[row.folder, ["params", "memory_mib"]].to_dict()
+    table = pd.DataFrame(
+        {"metric": costs.keys(), "value": costs.values()}, dtype=object
+    )
+    return table.assign(method=row.method, round=row.round, test_set=None, view=None)
 
 
 def views_of(path):
@@ -80,10 +99,7 @@ def long(table, metrics, path):
 
 def line_of(row):
     """A line of trainings.csv."""
-    line = {name: value for name, value in row._asdict().items() if name != "files"}
-    for name in ("way", "flows", "corrected"):
-        line[name] = " ".join(line[name])
-    files = row.files
+    line, files = row._asdict(), row.files
     if "timing" in files:
         # Of another program's training some are not known.
         kinds = dict.fromkeys(TRAINED, json_files.NUMBER_OR_NONE)

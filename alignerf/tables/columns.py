@@ -18,11 +18,16 @@ class Column(NamedTuple):
 
 
 class Table(NamedTuple):
-    """A table's columns by name, in the CSV's order, and what the page calls it."""
+    """A table's columns by name, in the CSV's order, and what the page calls it.
+
+    latex: `rows`, {column: heading} of what tells rows apart, `cells`, {column:
+    [heading, form]}, and `notes` above.
+    """
 
     columns: dict
     title: str = ""
     note: str = ""
+    latex: dict | None = None
 
 
 def read():

@@ -15,12 +15,6 @@ from alignerf.testsets.base import Quantity
 
 # Of the gain, what is left without all that is no alignment.
 REMAINS = Quantity("remains", 70)
-NOTES = (
-    "PSNR in dB, mean over test views; differences paired by view, with 95 %",
-    "bootstrap intervals; bold: the interval does not hold 0.",
-    "gain = warped - standard; remains = gain - pixels - resampling - overfit.",
-    "pose gain: by cameras moved to fit the photos; overfit: where none needs to.",
-)
 
 
 def needed():
@@ -35,11 +29,12 @@ def needed():
 def make_table(views):
     """A line per row of a `frame.read` and quantity."""
     lines = []
-    for labels, own in frame.rows_of(views):
+    for _, own in views.groupby(frame.ROW, sort=False):
         psnr_db = frame.psnr_by_set(own, needed())
         for quantity, values in quantities_of(psnr_db).items():
-            named = labels | {"quantity": quantity.name, "views": len(values)}
-            lines.append(named | scores.mean_and_interval(values))
+            named = {"quantity": quantity.name, "views": len(values)}
+            ends = scores.mean_and_interval(values)
+            lines.append(frame.labels_of(own) | named | ends)
     return pd.DataFrame(lines, columns=columns.names("controls"))
 
 
@@ -69,22 +64,12 @@ def shown():
 
 def to_latex(table):
     """A row per method and warping, a column a quantity."""
-    known = set(table["quantity"])
-    chosen = [one for one in shown() if one[0] in known]
-    rows = table[["method", "warping"]].drop_duplicates()
-    for name, _, _ in chosen:
-        own = table[table["quantity"] == name].drop(columns=["quantity", "views"])
-        ends = dict(zip(scores.with_ends(), scores.with_ends(f"{name}_"), strict=True))
-        rows = rows.merge(own.rename(columns=ends), how="left")
-    methods = list(map(latex.name, rows["method"]))
+    keys = ["method", "warping"]
+    wide = table.pivot(index=keys, columns="quantity", values=scores.with_ends())
+    wide.columns = [f"{quantity}_{end}" for end, quantity in wide]
+    order = pd.MultiIndex.from_frame(table[keys].drop_duplicates())
     fixed = [
         (f"{name}_db", heading, "interval" if differs else ".2f")
-        for name, heading, differs in chosen
+        for name, heading, differs in shown()
     ]
-    return latex.of_lines(
-        rows,
-        {"Method": methods, "Warping": rows["warping"]},
-        [],
-        fixed=fixed,
-        notes=NOTES,
-    )
+    return latex.of_table("controls", wide.reindex(order).reset_index(), fixed=fixed)

@@ -89,7 +89,7 @@ def lines_of(effect, printed, views, pixels):
                     continue
                 found = True
                 row = labels | ours_of(own, ours, theirs)
-                seen = mean_of(of_row(own, ours), "rays_seen")
+                seen = frame.mean_costs(of_row(own, ours))["rays_seen"]
                 row["epochs"] = seen / pixels[own["scene"].iloc[0]]
                 row |= {"group": scores.length(share), "reproduced": word(row)}
                 yield row
@@ -145,8 +145,9 @@ def ours_of(views, ours, theirs):
         # On the warped test set, as the paper's; a net without weights has none.
         pair = [one[one["test_set"] == "warped"][name].mean() for one in (own, base)]
         row[name] = pair[0] - pair[1]
+    costs, of_base = frame.mean_costs(own), frame.mean_costs(base)
     for name, column in (("times", "total_time_s"), ("params_times", "params")):
-        row[name] = mean_of(own, column) / mean_of(base, column)
+        row[name] = costs[column] / of_base[column]
     return row
 
 
@@ -158,11 +159,6 @@ def row_name(row):
 def of_row(views, row):
     """The lines of a (method, round)."""
     return views[(views["method"] == row[0]) & (views["round"] == row[1])]
-
-
-def mean_of(views, column):
-    """The mean over scenes of a row's cost."""
-    return frame.mean_costs(views, [column])[column]
 
 
 def word(row):

@@ -1,23 +1,20 @@
-"""Scores joined with trainings: a frame of which every table is a query.
+"""A scene's scores and costs as a frame, of which every table is a query.
 
-A line is a test view of a row (a method after a round, or the renders of an external
-method) on a test set. Its columns:
+A line is a test view of a row (a method after a round) on a test set. Its columns:
 
 scene, method, round, test_set, view     which one it is
 psnr_db, ...; flow_median_px, ...        its scores, and lengths of its flow
 base_db                                  PSNR of the view by the baseline's round 0
-train_time_s, data_time_s, total_time_s, steps, rays_seen
-                                         of all trainings that lead to the row
-trainings                                path and `provenance.KEYS` of each training
+description, baseline, published, ...    names of the row, as in trainings.csv
+train_time_s, total_time_s, ...          costs of all that leads to the row
 
-and all others of trainings.csv. Tables across scenes add the fields of `Scene`, the
-length of a scene's training as `scene_steps`.
+Tables across scenes add the fields of `Scene`, and as `reference_db` the PSNR of the
+view by the reference's round 0.
 """
 
 import contextlib
 from pathlib import Path
 
-import numpy as np
 import pandas as pd
 
 from alignerf import testsets
@@ -27,11 +24,17 @@ from alignerf.io import atomic, csv_files, provenance
 from alignerf.tables import columns, latex, scores
 
 ROW = ["method", "round"]
-LABELS = ["scene", *ROW]
 VIEW = ["scene", "test_set", "view"]
-# Summed over all trainings that lead to a row.
-SUMMED = ["train_time_s", "steps", "rays_seen"]
-COSTS = [*SUMMED, "data_time_s", "total_time_s", "params"]
+NAMES = [
+    "description",
+    "moves_cameras",
+    "moves_photos",
+    "baseline",
+    "base",
+    "published",
+]
+COSTS = ["train_time_s", "steps", "rays_seen", "data_time_s", "total_time_s"]
+COSTS += ["params", "memory_mib"]
 
 
 def read(scene, table=""):
@@ -40,72 +43,39 @@ def read(scene, table=""):
     table: the folder, below the scene's, of a table across scenes; "" for the scene's
     own tables.
     """
+    path = Path(scene) / table / "scores.csv"
+    long = csv_files.read(path, columns=columns.names("scores"))
+    rows = read_trainings(scene, table).dropna(subset="method")[[*ROW, *NAMES]]
+    rows = rows.astype({"round": int}).assign(scene=Path(scene).name)
+    costs = long[long["test_set"].isna()].pivot(
+        index=ROW, columns="metric", values="value"
+    )
+    rows = rows.join(costs.reindex(columns=COSTS), on=ROW)
+    views = rows.merge(wide(long.dropna(subset="test_set")), on=ROW)
+    views["base"] = views["base"].str.partition("/")[0]
+    first = views[views["round"] == 0].set_index(["method", "test_set", "view"])
+    base_db = first["psnr_db"].rename("base_db")
+    return views.join(base_db, on=["base", "test_set", "view"])
+
+
+def read_trainings(scene, table=""):
+    """trainings.csv of a scene's folder, or of a table across scenes there."""
     path = Path(scene) / table / "trainings.csv"
-    views = read_scores(path.with_name("scores.csv"))
-    lines = csv_files.read(path, columns=columns.names("trainings"))
-    named = lines[lines["method"].notna()]
-    # Two methods may share a training: each has a line of its own.
-    trainings = lines.drop_duplicates("folder").set_index("folder", drop=False)
-    rows = [row_of(line, trainings, views, Path(scene)) for _, line in named.iterrows()]
-    return pd.concat(rows, ignore_index=True)
+    return csv_files.read(path, columns=columns.names("trainings"))
 
 
-def row_of(line, trainings, views, scene):
-    """The lines of a row: of a line of trainings.csv, and its `read_scores`."""
-    base = trainings.loc[line["base"]]
-    key, base_key = ((one["method"], int(one["round"])) for one in (line, base))
-    own, base_db = views[key], views[base_key]["psnr_db"]
-    of_row = line.to_dict() | {"scene": scene.name, "round": key[1]}
-    of_row |= costs_of(trainings, line)
-    told = [
-        {"path": str(scene / folder / "timing.json")}
-        | {k: trainings.loc[folder, k] for k in provenance.KEYS}
-        for folder in words(line, "way")
-    ]
-    told = [{k: None if pd.isna(v) else v for k, v in one.items()} for one in told]
-    found = own.assign(base_db=base_db).reset_index().assign(**of_row)
-    return found.assign(trainings=[told] * len(found))
-
-
-def costs_of(trainings, line):
-    """Costs, summed over the trainings that lead to a row; empty of given renders."""
-    way = words(line, "way")
-    if not way:
-        return dict.fromkeys(COSTS, np.nan)
-    costs = {key: trainings.loc[way, key].sum(skipna=False) for key in SUMMED}
-    flows, corrected = words(line, "flows"), words(line, "corrected")
-    seconds = [
-        trainings.loc[flows, ["render_time_s", "align_time_s"]].to_numpy().sum(),
-        trainings.loc[corrected, "correct_time_s"].sum(skipna=False),
-    ]
-    costs["data_time_s"] = float(sum(seconds))
-    return costs | {"total_time_s": costs["train_time_s"] + costs["data_time_s"]}
-
-
-def words(line, key):
-    """The folders in a cell."""
-    return line[key].split() if pd.notna(line[key]) else []
-
-
-def row_name(key):
-    """The name of a (method, round) in error messages."""
-    return " after round ".join(map(str, key))
-
-
-def read_scores(path):
-    """{(method, round): scores by test set, in the tables' order, and view}."""
+def wide(long):
+    """Scores by row, test set, in the tables' order, and view: a column a metric."""
     *keys, metric, value = columns.names("scores")
-    table = csv_files.read(path, columns=(*keys, metric, value))
-    wide = table.pivot(index=keys, columns=metric, values=value)
-    # A view that lacks a test set of its row has a line, and no scores in it.
     order = {one.name: place for place, one in enumerate(testsets.every())}
-    sets = table[[*ROW, "test_set"]].drop_duplicates()
+    sets = long[[*ROW, "test_set"]].drop_duplicates()
     sets = sets.sort_values("test_set", key=lambda s: s.map(order), kind="stable")
-    full = sets.merge(pd.DataFrame({"view": sorted(set(table["view"]))}), how="cross")
-    metrics = [*columns.METRICS, *(name for name in columns.PARTS if name in wide)]
-    wide = wide.reindex(pd.MultiIndex.from_frame(full[keys]), columns=metrics)
-    rows = wide.groupby(level=ROW, sort=False)
-    return {key: own.droplevel(ROW) for key, own in rows}
+    # A view that lacks a test set of its row has a line, and no scores in it.
+    full = sets.merge(pd.DataFrame({"view": sorted(set(long["view"]))}), how="cross")
+    found = long.pivot(index=keys, columns=metric, values=value)
+    metrics = [*columns.METRICS, *columns.PARTS]
+    index = pd.MultiIndex.from_frame(full[keys])
+    return found.reindex(index, columns=metrics).reset_index()
 
 
 def psnr_by_set(own, needed=()):
@@ -116,21 +86,46 @@ def psnr_by_set(own, needed=()):
     known = own["test_set"].unique()
     for name in needed:
         if name not in known:
-            scene, *key = own.iloc[0][LABELS]
-            raise ValueError(f"{scene}: {row_name(key)}: no test set {name!r}")
+            scene, *key = own.iloc[0][["scene", *ROW]]
+            row = " after round ".join(map(str, key))
+            raise ValueError(f"{scene}: {row}: no test set {name!r}")
     return own.pivot(index="view", columns="test_set", values="psnr_db")[known]
 
 
-def rows_of(frame):
-    """(labels, lines) of every row of one scene, in order."""
-    for (method, round), own in frame.groupby(ROW, sort=False):
-        yield {"method": method, "warping": scores.warping(round)}, own
+def summary(views, by, at, *, against="base_db", metrics=columns.METRICS):
+    """A line for each of the columns `by`, and each test set of `at` that it has.
+
+    A test set counts where all scenes have it. A line has the names of its first view,
+    means over scenes of costs and of metrics, and what PSNR gains over the column
+    `against`, paired by view; against: also {prefix of the gain: column}, of which None
+    stands for PSNR itself.
+    """
+    if isinstance(against, str):
+        against = {"difference_": against}
+    for _, own in views.groupby(by, sort=False):
+        line = labels_of(own) | mean_costs(own) | {"scenes": own["scene"].nunique()}
+        for test_set, lines in sets_of_all(own, at):
+            if testsets.named(test_set).partial:
+                lines = lines.dropna(subset=[*columns.METRICS], how="all")
+            line |= {"test_set": test_set, "views": len(lines)} | means(lines, metrics)
+            for prefix, column in against.items():
+                line |= gains(lines, column, prefix)
+            yield dict(line)
 
 
-def shared(frame):
-    """The rows that all scenes have."""
-    counts = frame.groupby(ROW)["scene"].transform("nunique")
-    return frame[counts == frame["scene"].nunique()]
+def labels_of(own):
+    """What tables call a row, and all that its first line says of it."""
+    first = own.iloc[0].to_dict()
+    called = {"warping": scores.warping(first["round"]), "field": first["description"]}
+    return first | called | {"difference_to": first["baseline"]}
+
+
+def shared(views, within=()):
+    """The rows that all scenes have; within: columns of groups of scenes."""
+    groups = views.groupby([*within]) if within else views
+    counts = views.groupby([*within, *ROW])["scene"].transform("nunique")
+    every = groups["scene"].transform("nunique") if within else views["scene"].nunique()
+    return views[counts == every]
 
 
 def sets_of_all(own, names):
@@ -161,9 +156,9 @@ def means(own, metrics):
     return by_scene.mean(skipna=False).to_dict()
 
 
-def mean_costs(own, names):
+def mean_costs(own):
     """{cost: mean over scenes}."""
-    return own.drop_duplicates("scene")[list(names)].mean(skipna=False).to_dict()
+    return own.drop_duplicates("scene")[COSTS].mean(skipna=False).to_dict()
 
 
 def gains(own, other, prefix="difference_"):
@@ -186,23 +181,33 @@ FIGURE = {"figure": "PNG, written"}
 
 def read_scenes(args, table):
     """The frame of all scenes of the arguments of `parser`, with what each is like."""
-    frames = []
-    for scene in table_rows.read(Scene, args.scenes):
-        fields = scene._asdict() | {"scene_steps": scene.steps}
-        del fields["steps"]
-        frames.append(read(Path(args.results) / scene.scene, table).assign(**fields))
-    return pd.concat(frames, ignore_index=True)
+    frames = [
+        read(Path(args.results) / scene.scene, table).assign(**scene._asdict())
+        for scene in table_rows.read(Scene, args.scenes)
+    ]
+    return with_reference(pd.concat(frames, ignore_index=True))
 
 
-def write(table, to_latex, *, csv, tex, frame, configs):
+def with_reference(views):
+    """The lines of scenes with `reference_db`."""
+    return beside(views, of_reference(views), "reference_db")
+
+
+def of_reference(views):
+    """The lines of the reference's round 0."""
+    return views[(views["method"] == views["reference"]) & (views["round"] == 0)]
+
+
+def write(table, to_latex, *, csv, tex, scenes, configs, of=""):
     """Write a table as CSV and as to_latex has it, and its provenance; all or none.
 
-    frame: that it was made of. configs: the scenes' complete configs.
+    scenes: folders of those that it was made of. configs: their complete configs. of: a
+    table across scenes.
     """
     text = latex.document(to_latex(table))
     table = without_empty(table)
-    rows = frame.drop_duplicates(LABELS)[[*LABELS, "trainings"]].to_dict("records")
-    found = provenance.describe(rows, configs)
+    trainings = [one for scene in scenes for one in origins(scene, of)]
+    found = provenance.describe(trainings, configs)
     beside = provenance.path_beside(csv)
     with contextlib.ExitStack() as stack:
         csv, tex, origin = (
@@ -220,7 +225,17 @@ def without_empty(table):
     return table.drop(columns=[n for n in known if table[n].isna().all()])
 
 
-def write_across(table, to_latex, frame, args):
+def origins(scene, table=""):
+    """Path and `provenance.KEYS` of each training that a scene's tables are made of."""
+    found = read_trainings(scene, table).drop_duplicates("folder")
+    paths = [str(Path(scene) / folder / "timing.json") for folder in found["folder"]]
+    keys = found[[*provenance.KEYS]].astype(object)
+    keys = keys.where(keys.notna(), None)
+    return keys.assign(path=paths).to_dict("records")
+
+
+def write_across(table, to_latex, views, args, of):
     """The same of a table across scenes, by the arguments of `parser`."""
+    scenes = [Path(args.results) / name for name in views["scene"].unique()]
     places = {"csv": args.csv, "tex": args.tex, "configs": args.configs}
-    write(table, to_latex, frame=frame, **places)
+    write(table, to_latex, scenes=scenes, of=of, **places)

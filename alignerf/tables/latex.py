@@ -9,6 +9,25 @@ from alignerf.tables import columns, scores
 COLOURS = ("FF9999", "FFCC99", "FFFF99")
 
 
+def of_table(of, lines, shown=(), *, written=None, fixed=(), notes=(), **more):
+    """LaTeX of a table's lines as `columns.yaml` has it under `latex`.
+
+    of: the table's name there. Its `rows` tell lines apart, its `cells` come after
+    `fixed`; of both those are shown that `lines` has. Its `notes` come before `notes`.
+    written: {column of its rows: texts of all lines} that are LaTeX already. shown,
+    more: as of `of_lines`.
+    """
+    spec, written = columns.TABLES[of].latex, written or {}
+    rows = {
+        heading: written.get(column) or [name(str(one)) for one in lines[column]]
+        for column, heading in spec["rows"].items()
+    }
+    fixed = [*fixed, *((key, *cell) for key, cell in spec.get("cells", {}).items())]
+    fixed = [cell for cell in fixed if cell[0] in lines]
+    notes = [*spec.get("notes", "").splitlines(), *notes]
+    return of_lines(lines, rows, shown, fixed=fixed, notes=notes, **more)
+
+
 def of_lines(
     lines,
     rows,
@@ -37,11 +56,10 @@ def of_lines(
     for column, heading, form in shown:
         for value in values:
             own = lines[lines[by] == value].set_index(keys).reindex(index.index)
-            place = heading, name(scores.length(value) if by == "budget" else value)
-            cells[place] = texts(own, column, form)
+            cells[heading, name(value)] = texts(own, column, form)
             if column in best:
                 ours = own[column].astype(float).mask(index["of_others"])
-                styles[place] = colours(ours, higher=best[column])
+                styles[heading, name(value)] = colours(ours, higher=best[column])
     for column, heading, form in fixed:
         cells[heading, ""] = texts(index, column, form)
     table = pd.DataFrame(cells, index=index.index)
@@ -65,6 +83,11 @@ def texts(lines, column, form):
     if form == "interval":
         ends = zip(*(lines[key] for key in with_ends(column)), strict=True)
         return [difference(*one) for one in ends]
+    if form == "range":
+        ends = zip(
+            *(lines[f"{column}{end}"] for end in ("", "_low", "_high")), strict=True
+        )
+        return [scores.with_interval(*one) for one in ends]
     numbers = lines[column]
     if form == "min":
         numbers, form = numbers / 60, ".1f"
@@ -74,8 +97,6 @@ def texts(lines, column, form):
         numbers, form = numbers.astype(float) / 1e6, ".2f"
     if form == "cells":
         return list(numbers)
-    if not form:
-        return [name(str(one)) for one in numbers]
     return [scores.shown(one, form) for one in numbers]
 
 

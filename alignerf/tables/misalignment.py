@@ -16,25 +16,11 @@ from alignerf.tables.columns import METRICS, PRINTED_ONLY
 TEST_SETS = testsets.shown_in("misalignment")
 PRINTED = ("psnr_db", "ssim", PRINTED_ONLY)
 COUNTS = ("params", "steps", "rays_seen")
-NOTES = (
-    "Costs are of all rounds and stages that lead to a row. Differences are to",
-    "the same model without warping, paired by view, with 95 % bootstrap",
-    "intervals; bold: the interval does not hold 0.",
-)
 
 
 def make_table(views, printed=()):
     """A line per row of a `frame.read` and test set; then `printed`."""
-    lines = []
-    for labels, own in frame.rows_of(views):
-        first = own.iloc[0]
-        labels |= {"field": first["description"], "difference_to": first["baseline"]}
-        labels |= first[["moves_cameras", "moves_photos", *frame.COSTS]].to_dict()
-        for test_set, lines_of in frame.sets_of_all(own, TEST_SETS):
-            if testsets.named(test_set).partial:
-                lines_of = lines_of[lines_of[[*METRICS]].notna().any(axis=1)]
-            line = labels | {"test_set": test_set} | frame.means(lines_of, METRICS)
-            lines.append(line | frame.gains(lines_of, "base_db"))
+    lines = frame.summary(views, frame.ROW, TEST_SETS)
     table = pd.DataFrame([*lines, *printed], columns=columns.names("misalignment"))
     # Whole numbers stay whole beside rows that lack them.
     return table.astype(dict.fromkeys(COUNTS, "Int64"))
@@ -66,26 +52,20 @@ def published(path, scene):
 def to_latex(table):
     """A row per method and warping, test sets side by side."""
     printed = table["source"].notna()
-    return latex.of_lines(
+    return latex.of_table(
+        "misalignment",
         table,
-        {"Method": list(map(latex.name, table["method"])), "Warping": table["warping"]},
         [*metrics(table), ("difference_db", "PSNR gained (dB)", "interval")],
         by="test_set",
         values=[name for name in TEST_SETS if name in set(table["test_set"])],
-        fixed=[
-            ("train_time_s", "train (min)", "min"),
-            ("data_time_s", "data (min)", "min"),
-            ("total_time_s", "total (min)", "min"),
-            ("params", "params (M)", "M"),
-        ],
-        notes=[*NOTES, *notes(table[printed], table)],
+        notes=notes(table[printed], table),
         best=METRICS,
         others=printed,
     )
 
 
 def metrics(table):
-    """Of the metrics, those that some row has, as `latex.of_lines` takes them."""
+    """Of the metrics, those that some row has, as `latex.of_table` takes them."""
     return [
         latex.metric(key)
         for key in (*METRICS, PRINTED_ONLY)

@@ -8,7 +8,7 @@ import numpy as np
 import pandas as pd
 
 from alignerf import testsets
-from alignerf.tables import columns, frame, intervals, latex, scores
+from alignerf.tables import columns, frame, intervals, latex
 
 TEST_SETS = testsets.shown_in("ranking")
 # Ranked where all rows have it.
@@ -23,7 +23,8 @@ def make_table(views):
     Intervals are over views: how the ranking would agree on other views of the scene.
     """
     needed = ["oracle", *TEST_SETS]
-    psnr_db = [frame.psnr_by_set(own, needed) for _, own in frame.rows_of(views)]
+    rows = views.groupby(frame.ROW, sort=False)
+    psnr_db = [frame.psnr_by_set(own, needed) for _, own in rows]
     if all(OPTIONAL in table for table in psnr_db):
         needed.append(OPTIONAL)
     oracle, *others = (np.stack([table[name] for table in psnr_db]) for name in needed)
@@ -65,8 +66,4 @@ def to_latex(table):
         f"Ranking of {table['rows'][0]} methods and rounds against the oracle's, by",
         f"their mean PSNR; 95 % bootstrap intervals over {table['views'][0]} views.",
     )
-    ends = zip(table["tau"], table["tau_low"], table["tau_high"], strict=True)
-    table = table.assign(text=[scores.with_interval(*one) for one in ends])
-    rows = {"Test set": list(map(latex.name, table["test_set"]))}
-    fixed = [("text", r"Kendall's $\tau_b$", "")]
-    return latex.of_lines(table, rows, [], fixed=fixed, notes=notes)
+    return latex.of_table("ranking", table, notes=notes)

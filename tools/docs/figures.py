@@ -9,7 +9,8 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
-from alignerf.tables import costs, plots
+from alignerf.tables import plots
+from alignerf.tables.across import tradeoff
 
 
 def main(argv=None):
@@ -26,7 +27,9 @@ def draw_budget(table, path):
     """A panel a scene, a line a method: dB over seconds."""
     table = table.rename(columns={"scene": "condition", "seconds": "total_time_s"})
     scenes = [own for _, own in table.groupby("condition", sort=False)]
-    fronts = [costs.pareto_front(own["total_time_s"], own["psnr_db"]) for own in scenes]
+    fronts = [
+        tradeoff.pareto_front(own["total_time_s"], own["psnr_db"]) for own in scenes
+    ]
     table = pd.concat(scenes).assign(pareto=np.concatenate(fronts), warping="none")
     plots.costs(table, path)
 

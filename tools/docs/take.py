@@ -48,10 +48,9 @@ def header(origin, command, machine, commit=None):
 
     The commits are those of its trainings, which its numbers come from, or `commit`.
     """
-    trainings = [one for row in origin["rows"] for one in row["trainings"]]
     found = {key: [] for key in ("commit", "lock")}
     for key, values in found.items():
-        values += dict.fromkeys(one[key] or origin[key] for one in trainings)
+        values += dict.fromkeys(one[key] or origin[key] for one in origin["trainings"])
     lines = {key: ", ".join(values) for key, values in found.items()}
     lines["commit"] = commit or lines["commit"]
     lines |= {"machine": machine, "command": command}

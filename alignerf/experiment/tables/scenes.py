@@ -5,7 +5,6 @@ import types
 from collections.abc import Callable, Mapping
 from typing import NamedTuple
 
-from alignerf.captures import base
 from alignerf.experiment import layout
 from alignerf.experiment.step import words
 from alignerf.experiment.tables import rows
@@ -15,20 +14,18 @@ from alignerf.io import faults, json_files
 class Scene(NamedTuple):
     """A scene's settings, and the keys by which tables pool scenes.
 
-    Keys are digests of the settings, equal for scenes that are pooled. like: without
-    the seed. alike: without seed and length of training. motion_m: None where the truth
-    is not known. steps: None where the length is in minutes. share: the length over
-    that of the config's training; None where one is in steps, the other in minutes.
-    reference: the method that the training of the reference's round 0 is named after.
+    alike: a digest of the settings but for seed and length of training, equal for
+    scenes that are pooled. scene_steps: None where the length is in minutes. share: the
+    length over that of the config's training; None where one is in steps, the other in
+    minutes. reference: the method that the training of the reference's round 0 is named
+    after.
     """
 
     scene: str
     seed: int
-    like: str
     alike: str
     perturb_px: int | float
-    motion_m: int | float | None
-    steps: int | None
+    scene_steps: int | None
     share: int | float | None
     reference: str
 
@@ -43,33 +40,24 @@ def of_experiment(experiment, names=None):
 
 
 def of_scene(experiment, name):
-    """The `Scene` of one scene; motion_m is known for a synthetic scene only."""
+    """The `Scene` of one scene."""
     scene = experiment.scenes[name]
-    motion_m = None
-    if base.of(scene).has_truth:
-        motion = scene["courtyard"]
-        motion_m = (motion["motion"] != "none") * motion["motion_m"]
     reference = experiment.config["reference"]["method"]
     return Scene(
         scene=name,
         seed=scene["seed"],
-        like=without(scene, "seed"),
-        alike=without(scene, *LENGTH),
+        alike=alike(scene),
         perturb_px=scene["perturb_px"],
-        motion_m=motion_m,
-        steps=scene["steps"],
+        scene_steps=scene["steps"],
         share=experiment.share(name),
         reference=experiment.at(name, reference, 0).owner,
     )
 
 
-def without(scene, *keys):
-    """A key, equal for scenes whose settings are, but for some of them.
-
-    A digest: the settings of a hundred scenes are too long for a command line.
-    """
+def alike(scene):
+    """A digest: the settings of a hundred scenes are too long for a command line."""
     settings = json_files.canonical(
-        {key: scene[key] for key in scene if key not in keys}
+        {key: scene[key] for key in scene if key not in LENGTH}
     )
     return hashlib.sha256(settings.encode()).hexdigest()[:16]
 

@@ -13,14 +13,10 @@ import numpy as np
 import pandas as pd
 
 from alignerf.io import atomic, faults, images
-from alignerf.tables import columns, frame, latex, scores
+from alignerf.tables import columns, frame, latex
 
 # Against ground truth: where nothing moves, and where the arm may be.
 PLACES = {"still": "oracle_still", "moving": "oracle_moving"}
-NOTES = (
-    "PSNR in dB against ground truth where the scene is still and where the arm moves,",
-    "and its difference to the first row, paired by view; 95 % intervals over views.",
-)
 CELL_INCH, LABEL_PT = 2.0, 8
 
 
@@ -29,67 +25,41 @@ def main(argv=None):
     views = frame.read_scenes(args, "arm")
     table = make_table(views)
     with atomic.replace_file(args.figure) as path:
-        draw(views, Path(args.results), path)
-        frame.write_across(table, to_latex, views, args)
-
-
-def rows_of(views):
-    """(lines of one row, its scene, method) of all, right poses first."""
-    order = views.sort_values("perturb_px", kind="stable")
-    for (scene, method), own in order.groupby(["scene", "method"], sort=False):
-        yield own, scene, method
+        draw(table, sorted(views["view"].unique()), Path(args.results), path)
+        frame.write_across(table, to_latex, views, args, "arm")
 
 
 def make_table(views):
-    """A line a row of a `frame.read_scenes`; differences are to the first."""
-    lines, first = [], None
-    for own, scene, method in rows_of(views):
-        known, row = {}, own.iloc[0]
-        line = {"method": method, "field": row["description"], "scene": scene}
-        line |= {key: row[key] for key in ("perturb_px", "train_time_s", "params")}
-        for place, test_set in PLACES.items():
-            lines_of = own[own["test_set"] == test_set].dropna(subset="psnr_db")
-            known[place] = lines_of.set_index("view")["psnr_db"]
-        first = first or known
-        for place, db in known.items():
-            gains = (db - first[place]).dropna().to_numpy()
-            line[f"{place}_db"] = db.mean()
-            line |= scores.mean_and_interval(gains, f"{place}_difference_")
-        lines.append(line | {"views": len(known["still"])})
-    return pd.DataFrame(lines, columns=columns.names("arm"))
+    """A line a row of a `frame.read_scenes`, right poses first.
+
+    Differences are to the first row.
+    """
+    order = views.sort_values("perturb_px", kind="stable")
+    (_, first), *_ = order.groupby(["scene", "method"], sort=False)
+    views = frame.beside(order, first, "first_db", ["test_set", "view"])
+    lines = {}
+    for place, test_set in PLACES.items():
+        against = {f"{place}_": None, f"{place}_difference_": "first_db"}
+        own = frame.summary(views, ["scene", "method"], [test_set], against=against)
+        for line in own:
+            key = line["scene"], line["method"]
+            lines[key] = line | lines.get(key, {})
+    table = pd.DataFrame(lines.values(), columns=columns.names("arm"))
+    return table.astype({"params": "Int64"})
 
 
 def to_latex(table):
-    return latex.of_lines(
-        table,
-        {"Method": list(map(latex.name, table["method"]))},
-        [],
-        fixed=[
-            ("perturb_px", "pose error (px)", ".1f"),
-            *(
-                pair
-                for place in PLACES
-                for pair in (
-                    (f"{place}_db", f"{place} (dB)", ".2f"),
-                    (f"{place}_difference_db", "difference", "interval"),
-                )
-            ),
-            ("train_time_s", "train (s)", ".0f"),
-            ("params", "params (M)", "M"),
-        ],
-        notes=NOTES,
-    )
+    return latex.of_table("arm", table)
 
 
-def draw(views, results, path):
+def draw(table, names, results, path):
     """The two states and their difference; below, each row's render and its error.
 
     The view is the test view whose photo differs most from the undisplaced scene, where
     poses are right: its photo shows the arm's other state.
     """
-    every = [(scene, method) for _, scene, method in rows_of(views)]
+    every = list(zip(table["scene"], table["method"], strict=True))
     right = results / every[0][0]
-    names = sorted(views["view"].unique())
     pairs = [
         tuple(
             images.read(right / where / f"{n}.png")

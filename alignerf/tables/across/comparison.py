@@ -32,14 +32,8 @@ TEST_SETS = testsets.shown_in("comparison")
 PRINTED = misalignment.PRINTED
 # As the paper has them in one cell.
 BOTH = ("standard", "warped")
-COSTS = ("train_time_s", "total_time_s", "rays_seen", "params")
 # In column `scene`: means over all.
 ALL = "all"
-NOTES = (
-    "Means over scenes: standard / warped test set. Published rows are grey and as",
-    "printed: their LPIPS is of a network that is not released, their minutes are of",
-    "32 cores of a TPU v2.",
-)
 
 
 OPTIONS = frame.OPTIONS | {
@@ -68,7 +62,7 @@ def main(argv=None):
     ):
         ranks.to_csv(ranked, index=False, float_format="%.6g")
         frame.without_empty(found).to_csv(compared, index=False, float_format="%.6g")
-        frame.write_across(table, to_latex, views, args)
+        frame.write_across(table, to_latex, views, args, "comparison")
 
 
 def pixels_of(scene):
@@ -85,42 +79,27 @@ def make_table(views, printed=()):
         labels = {"group": scores.length(share), "scene": ALL}
         left = [line | labels for line in printed if line["group"] == labels["group"]]
         for _, own in frame.shared(group).groupby(frame.ROW, sort=False):
-            lines += lines_of(labels, own, group)
-            first = own.iloc[0]
-            called = first["published"], scores.warping(first["round"])
+            lines += lines_of(own, labels)
+            called = own["published"].iloc[0], lines[-1]["warping"]
             lines += [line for line in left if line["called"] == called]
             left = [line for line in left if line["called"] != called]
         # What others run: ours can only be set beside it.
         lines += left
         scenes = list(group.groupby("alike", sort=False))
         for _, seeds in scenes if len(scenes) > 1 else ():
-            labels = labels | {"scene": seeds["scene"].iloc[0]}
-            for _, own in frame.shared(seeds).groupby(frame.ROW, sort=False):
-                lines += lines_of(labels, own, seeds)
+            one = labels | {"scene": seeds["scene"].iloc[0]}
+            lines += lines_of(frame.shared(seeds), one)
     table = pd.DataFrame(lines, columns=columns.names("comparison"))
-    whole_numbers = ("scenes", "views", "rays_seen", "params")
-    return table.astype(dict.fromkeys(whole_numbers, "Int64"))
+    for name in ("scenes", "views", "rays_seen", "params"):
+        table[name] = table[name].astype(float).round().astype("Int64")
+    return table
 
 
-def lines_of(labels, own, group):
-    """Lines of one row on all scenes of a group, a test set each."""
-    first, reference = own.iloc[0], group["reference"].iloc[0]
-    base = group[(group["method"] == reference) & (group["round"] == 0)]
-    own = frame.beside(own, base, "reference_db")
-    costs = frame.mean_costs(own, (*COSTS, "memory_mib"))
-    for key in ("rays_seen", "params"):
-        costs[key] = costs[key] if np.isnan(costs[key]) else round(costs[key])
-    labels = labels | {"method": first["method"], "field": first["description"]}
-    labels |= {"warping": scores.warping(first["round"])} | costs
-    labels |= {"published": first["published"]}
-    if pd.isna(first["way"]):
-        del labels["memory_mib"]
-    for test_set, lines in frame.sets_of_all(own, TEST_SETS):
-        line = labels | {"test_set": test_set, "scenes": own["scene"].nunique()}
-        line |= {"views": len(lines)} | frame.means(lines, METRICS)
-        if test_set in frame.known(base):
-            line |= frame.gains(lines, "reference_db") | {"difference_to": reference}
-        yield line
+def lines_of(views, labels):
+    """Lines of rows on all their scenes, a test set each."""
+    for line in frame.summary(views, frame.ROW, TEST_SETS, against="reference_db"):
+        known = pd.notna(line["difference_db"])
+        yield line | labels | {"difference_to": line["reference"] if known else None}
 
 
 def printed_lines(path, number):
@@ -133,7 +112,6 @@ def printed_lines(path, number):
     table = table.fillna({"group": scores.length(1)})
     lines = []
     for row in table[table["table"] == number].to_dict("records"):
-        params = row["params_m"]
         kept = ("group", "test_set", "source", *PRINTED)
         lines.append(
             {
@@ -141,7 +119,7 @@ def printed_lines(path, number):
                 "published": row["method"],
                 "method": f"{row['method']}, published",
                 "total_time_s": 3600 * row["hours"],
-                "params": pd.NA if pd.isna(params) else round(1e6 * params),
+                "params": 1e6 * row["params_m"],
                 "warping": row["warping"],
                 **{key: row[key] for key in kept},
             }
@@ -187,19 +165,11 @@ def to_latex(table):
         higher = METRICS.get(key)
         shown[key] = latex.side_by_side(*pair, form, higher, printed, within="group")
         heads[key] = heading
-    return latex.of_lines(
+    return latex.of_table(
+        "comparison",
         lines.assign(**shown).reset_index(drop=True),
-        {
-            "Length": list(lines["group"]),
-            "Method": list(names.where(~printed, grey)),
-        },
-        [],
-        fixed=[
-            *((key, heading, "cells") for key, heading in heads.items()),
-            ("total_time_s", "time (min)", "min"),
-            ("params", "params (M)", "M"),
-        ],
-        notes=NOTES,
+        fixed=[(key, heading, "cells") for key, heading in heads.items()],
+        written={"method": list(names.where(~printed, grey))},
     )
 
 

@@ -7,43 +7,80 @@ round 0, trained as long as the config says; 95 % intervals are over views and, 
 there are several, seeds. Writes CSV, LaTeX and a figure.
 """
 
-from alignerf.io import atomic, faults
-from alignerf.tables import costs, frame, latex, plots, scores
+import numpy as np
+import pandas as pd
 
-NOTES = (
-    "PSNR in dB and its difference to the reference's training of length 1, paired by",
-    "view; 95 % intervals. Bold: on the Pareto front of total seconds and PSNR.",
-)
+from alignerf import testsets
+from alignerf.io import atomic, faults
+from alignerf.tables import columns, frame, latex, plots, scores
+
+# Cameras that are moved to fit a photo are scored by PSNR alone; other metrics are of
+# this test set.
+PERCEPTUAL = "warped"
 
 
 def main(argv=None):
     args = faults.arguments(argv, __doc__, frame.OPTIONS | frame.FIGURE)
     views = frame.read_scenes(args, "comparison")
-    table = costs.points(views)
+    table = make_table(views)
     with atomic.replace_file(args.figure) as path:
         plots.costs(table, path)
-        frame.write_across(table, to_latex, views, args)
+        frame.write_across(table, to_latex, views, args, "comparison")
+
+
+def make_table(views):
+    """Lines of a `frame.read_scenes`, from short to long."""
+    made = [lines_of(own) for _, own in views.groupby("alike", sort=False)]
+    return pd.concat(made)[columns.names("tradeoff")].reset_index(drop=True)
+
+
+def lines_of(condition):
+    """Lines of one condition."""
+    lengths = condition["share"].unique()
+    whole = condition[condition["share"] == (1 if 1 in lengths else lengths[0])]
+    base = frame.of_reference(whole)
+    test_set, on = testsets.fairest(frame.known(base)), ["seed", "test_set", "view"]
+    views = frame.beside(condition, base, "whole_db", on)
+    views = frame.shared(views.sort_values("share", kind="stable"), ["share"])
+    known = frame.summary(
+        views,
+        ["share", *frame.ROW],
+        [test_set, PERCEPTUAL],
+        against={"psnr_": None, "difference_": "whole_db"},
+    )
+    known = pd.DataFrame(known).rename(columns={"share": "length", "scenes": "seeds"})
+    keys = ["length", *frame.ROW]
+    found = known[known["test_set"] == test_set].set_index(keys)
+    perceived = known[known["test_set"] == PERCEPTUAL].set_index(keys)
+    both = found.index.intersection(perceived.index)
+    found.loc[both, columns.NETWORKS] = perceived.loc[both, columns.NETWORKS]
+    found = found.reset_index().assign(condition=condition["scene"].iloc[0])
+    return found.assign(pareto=pareto_front(found["total_time_s"], found["psnr_db"]))
+
+
+def pareto_front(seconds, psnr_db):
+    """[n] bool: nothing is as cheap and as good, and better in one of the two.
+
+    Equal points are both on the front; one that is not finite never is.
+    """
+    cost, score = np.asarray(seconds, np.float64), np.asarray(psnr_db, np.float64)
+    known = np.isfinite(cost) & np.isfinite(score)
+    no_worse = (cost[:, None] <= cost) & (score[:, None] >= score)
+    better = (cost[:, None] < cost) | (score[:, None] > score)
+    return known & ~(no_worse & better & known[:, None]).any(axis=0)
 
 
 def to_latex(table):
     """A row per condition, method and length; what is on the Pareto front is bold."""
     names = map(latex.name, scores.short_names(table["method"], table["warping"]))
     pairs = zip(names, table["pareto"], strict=True)
-    return latex.of_lines(
+    return latex.of_table(
+        "tradeoff",
         table,
-        {
-            "Condition": list(map(latex.name, table["condition"])),
-            "Length": list(map(scores.length, table["length"])),
-            "Method": [rf"\textbf{{{n}}}" if front else n for n, front in pairs],
+        written={
+            "length": list(map(scores.length, table["length"])),
+            "method": [rf"\textbf{{{n}}}" if front else n for n, front in pairs],
         },
-        [],
-        fixed=[
-            ("total_time_s", "total (s)", ".1f"),
-            ("params", "params (M)", "M"),
-            ("psnr_db", "PSNR (dB)", ".2f"),
-            ("difference_db", "difference (dB)", "interval"),
-        ],
-        notes=NOTES,
     )
 
 

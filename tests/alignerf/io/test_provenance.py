@@ -87,13 +87,9 @@ def write_config(path, **seeds):
 def test_trainings_seeds_and_devices_are_gathered(checkout, tmp_path):
     old = {"path": "old.json", "commit": None, "lock": None, "device": "cpu"}
     new = {"path": "new.json", "device": "H200", "commit": "abc", "lock": "12"}
-    rows = [
-        {"method": "a", "round": 0, "trainings": [old, new]},
-        {"method": "b", "round": 0, "trainings": []},
-    ]
     configs = [write_config(tmp_path / "one.yaml", yard=5)]
     configs.append(write_config(tmp_path / "two.yaml", yard=3, garden=5))
-    found = provenance.describe(rows, configs, seeds=[8], devices=["a cpu"])
+    found = provenance.describe([old, new], configs, seeds=[8], devices=["a cpu"])
     assert found == json.loads(provenance.as_json(found))
     assert found["device"] == ["H200", "a cpu", "cpu"]
     assert found["seeds"] == [3, 5, 8]
@@ -101,7 +97,7 @@ def test_trainings_seeds_and_devices_are_gathered(checkout, tmp_path):
     # What the files said then: they may be another experiment's later.
     assert found["configs"][str(configs[0])]["scenes"] == {"yard": {"seed": 5}}
     assert (found["commit"], found["lock"]) == (None, None)
-    assert found["rows"] == rows
+    assert found["trainings"] == [old, new]
 
 
 def test_what_a_training_does_not_tell_is_null(tmp_path):

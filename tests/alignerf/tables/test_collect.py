@@ -5,7 +5,7 @@ import pandas as pd
 import pytest
 
 from alignerf.io import faults
-from alignerf.tables import collect, columns
+from alignerf.tables import collect, columns, frame
 from tests import table_cases
 
 DB = {"standard": [20.0, 22.0], "warped": [21.0, 25.0]}
@@ -40,11 +40,12 @@ def test_what_is_written_is_read_to_the_last_bit(scene, rng):
     assert views["view"].tolist() == names
     assert views["psnr_db"].tolist() == psnr_db.tolist()
     assert read["train_time_s"] == timing["train_time_s"]
-    assert read["compile_time_s"] == timing["compile_time_s"]
+    (line,) = frame.read_trainings(scene).to_dict("records")
+    assert line["compile_time_s"] == timing["compile_time_s"]
     told = {"commit": None, "lock": "0012345678901234", "device": "cpu"}
-    told["environment"] = None
     path = str(scene / "1/round0/timing.json")
-    assert read["trainings"] == [{"path": path} | told]
+    told |= {"environment": None, "path": path}
+    assert frame.origins(scene) == [told]
     assert views[columns.PARTS].eq(0.25).all(axis=None)
     # Empty where it could not be had.
     assert views["lpips_vgg"].isna().all()
@@ -64,9 +65,9 @@ def test_a_view_that_stands_twice_is_named(scene):
 
 def test_seconds_are_told_apart_and_whole_numbers_stay_whole(scene):
     row = table_cases.written(scene, DB)
-    given = row._replace(folder="given/round0", method="given", way=[])
-    given = given._replace(files={"scores": row.files["scores"]})
-    lines = lines_of(scene, [row, given])
+    unknown = {"steps": None, "train_time_s": None}
+    other = table_cases.written(scene, DB, "other", timing=unknown)
+    lines = lines_of(scene, [row, other])
     line = lines.loc["plain/round0"]
     seconds = {
         # Of the views: loading and compiling count no more than a training's.
@@ -76,7 +77,9 @@ def test_seconds_are_told_apart_and_whole_numbers_stay_whole(scene):
         "memory_mib": 1.5,
     }
     assert line[[*seconds]].to_dict() == seconds
-    assert lines.loc["given/round0", [*seconds, "steps"]].isna().all()
+    assert lines.loc["other/round0", ["train_time_s", "steps"]].isna().all()
+    costs = frame.read(scene).groupby("method")[["total_time_s", "steps"]].first()
+    assert costs.loc["other"].isna().all()
     assert ",5,50,7,20.0,5.0," in (scene / "trainings.csv").read_text()
 
 

@@ -56,6 +56,19 @@ def test_so_have_the_files_of_a_round(name, written):
     assert list(written) == columns.names(name)
 
 
+@pytest.mark.parametrize("name", [n for n, t in columns.TABLES.items() if t.latex])
+def test_a_heading_in_latex_stands_once_and_over_a_column(name):
+    """Of two equal ones the second would take the first one's cells."""
+    table, spec = columns.TABLES[name], columns.TABLES[name].latex
+    headings = [
+        *spec["rows"].values(),
+        *(head for head, _ in spec.get("cells", {}).values()),
+    ]
+    assert len({*headings}) == len(headings)
+    assert {*spec["rows"], *spec.get("cells", {})} <= {*table.columns}
+    assert spec.keys() <= {"rows", "cells", "notes"}
+
+
 @pytest.mark.parametrize("name", columns.TABLES)
 def test_every_column_has_a_meaning_or_shares_the_one_before(name):
     table = columns.TABLES[name]

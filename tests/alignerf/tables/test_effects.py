@@ -44,7 +44,7 @@ def of_table(scenes, number=4):
 
 def test_effects_are_found_by_what_the_paper_calls_methods():
     scenes = [
-        scene_of({PLAIN: 0.0, CONVOLUTION: gain}, seed=seed, steps=500)
+        scene_of({PLAIN: 0.0, CONVOLUTION: gain}, seed=seed, scene_steps=500)
         for seed, gain in enumerate((0.5, 1.0, 1.5))
     ]
     table = of_table(scenes)
@@ -154,9 +154,7 @@ def test_rounds_and_lengths_are_rows_of_their_own():
         ("aligned", 0, "AligNeRF, c = 1024"): 1.0,
     }
     scenes = [
-        scene_of(rows, seed=seed, share=share, like=str(share))
-        for seed in range(3)
-        for share in (1, 4)
+        scene_of(rows, seed=seed, share=share) for seed in range(3) for share in (1, 4)
     ]
     for scene in scenes:
         scene["scene"] += "_x" + scene["share"].astype(str)

@@ -42,7 +42,7 @@ def test_a_row_per_test_set_with_means_and_all_costs_so_far(row):
     # Whole numbers stay whole beside rows that lack them.
     table = made(
         misalignment.make_table,
-        [row, row.assign(round=2, way=None, **dict.fromkeys(table_cases.COSTS))],
+        [row, row.assign(round=2, **dict.fromkeys(table_cases.COSTS))],
     )
     assert table["rays_seen"].dtype == "Int64"
     assert table["rays_seen"].isna().tolist() == [False] * 3 + [True] * 3

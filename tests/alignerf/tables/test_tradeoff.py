@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from alignerf.tables import costs, plots, scores
+from alignerf.tables import plots, scores
 from alignerf.tables.across import tradeoff
 from tests import table_cases
 from tests.table_cases import made
@@ -38,7 +38,7 @@ def scenes(rng):
 
 
 def test_a_row_per_length_and_method_and_differences_to_the_whole(scenes):
-    table = made(costs.points, scenes)
+    table = made(tradeoff.make_table, scenes)
     assert list(table["length"]) == [0.5] * 3 + [1] * 3 + [2] * 3
     assert list(table["method"]) == 3 * list(METHODS)
     assert set(table["condition"]) == {"yard_seed0_x0.5"}
@@ -55,7 +55,7 @@ def test_a_row_per_length_and_method_and_differences_to_the_whole(scenes):
         assert line.psnr_db == pytest.approx(np.mean(own))
         took = [one[one["method"] == line.method]["total_time_s"] for one in group]
         assert line.total_time_s == pytest.approx(np.mean(took))
-    front = costs.pareto_front(table["total_time_s"], table["psnr_db"])
+    front = tradeoff.pareto_front(table["total_time_s"], table["psnr_db"])
     assert table["pareto"].tolist() == front.tolist()
     cells = table_cases.cells(tradeoff.to_latex(table))
     assert len(cells) == len(table)
@@ -63,14 +63,14 @@ def test_a_row_per_length_and_method_and_differences_to_the_whole(scenes):
 
 
 def test_without_a_truth_the_photos_are_the_measure(rng):
-    table = made(costs.points, make_scenes(rng, sets=("standard",)))
+    table = made(tradeoff.make_table, make_scenes(rng, sets=("standard",)))
     assert set(table["test_set"]) == {"standard"}
 
 
 def test_a_view_without_a_metric_leaves_row_and_front(scenes, tmp_path):
     lost = {"method": "warped", "test_set": "oracle", "view": "v1"}
     scenes[-1] = table_cases.emptied(scenes[-1], **lost)
-    table = made(costs.points, scenes)
+    table = made(tradeoff.make_table, scenes)
     row = table.iloc[-1]
     assert np.isnan(
         row[["psnr_db", "psnr_low_db", "difference_db"]].astype(float)
@@ -82,7 +82,7 @@ def test_a_view_without_a_metric_leaves_row_and_front(scenes, tmp_path):
 
 @pytest.mark.parametrize("lengths", [(1,), (0.25, 0.5, 1, 2)])
 def test_one_length_makes_a_figure_and_many(rng, tmp_path, lengths):
-    table = made(costs.points, make_scenes(rng, lengths=lengths, seeds=(0,)))
+    table = made(tradeoff.make_table, make_scenes(rng, lengths=lengths, seeds=(0,)))
     plots.costs(table, tmp_path / "figure.png")
     with Image.open(tmp_path / "figure.png") as image:
         assert min(image.size) > 500
@@ -105,7 +105,7 @@ def test_the_front_is_what_nothing_dominates(rng):
         # Few distinct values, so that ties of every sort occur.
         seconds, psnr_db = rng.integers(0, 2 + case % 9, (2, n))
         wanted = [not dominated(i, seconds, psnr_db) for i in range(n)]
-        on_it = costs.pareto_front(seconds, psnr_db)
+        on_it = tradeoff.pareto_front(seconds, psnr_db)
         assert on_it.tolist() == wanted
         assert on_it.any()
         # Along the front, more costs more.
@@ -114,10 +114,10 @@ def test_the_front_is_what_nothing_dominates(rng):
 
 
 def test_the_front_at_its_extremes():
-    assert costs.pareto_front([3.0], [20.0]).tolist() == [True]
-    assert costs.pareto_front([3.0, 3.0], [20.0, 20.0]).tolist() == [True, True]
-    assert costs.pareto_front([3.0, 4.0], [20.0, 20.0]).tolist() == [True, False]
-    assert costs.pareto_front([3.0, 3.0], [20.0, 21.0]).tolist() == [False, True]
+    assert tradeoff.pareto_front([3.0], [20.0]).tolist() == [True]
+    assert tradeoff.pareto_front([3.0, 3.0], [20.0, 20.0]).tolist() == [True, True]
+    assert tradeoff.pareto_front([3.0, 4.0], [20.0, 20.0]).tolist() == [True, False]
+    assert tradeoff.pareto_front([3.0, 3.0], [20.0, 21.0]).tolist() == [False, True]
     unknown = [np.nan, 1.0, np.nan], [99.0, 20.0, np.nan]
-    assert costs.pareto_front(*unknown).tolist() == [False, True, False]
-    assert costs.pareto_front([], []).tolist() == []
+    assert tradeoff.pareto_front(*unknown).tolist() == [False, True, False]
+    assert tradeoff.pareto_front([], []).tolist() == []

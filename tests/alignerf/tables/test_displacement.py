@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from alignerf.tables import columns, costs
+from alignerf.tables import columns, displacement
 from tests import table_cases
 from tests.table_cases import made
 
@@ -15,13 +15,12 @@ def row(**parts):
     return table_cases.row({"standard": {"psnr_db": [20, 20]} | PARTS | parts}, "a_b")
 
 
-def test_means_are_over_views_and_given_renders_have_none():
-    given = table_cases.row({"standard": [20, 20]}, "given", costs={})
-    table = made(costs.displacement, [row(), row().assign(round=1), given])
+def test_means_are_over_views():
+    table = made(displacement.make_table, [row(), row().assign(round=1)])
     assert table["round"].tolist() == [0, 1]
     assert table["views"].tolist() == [2, 2]
     assert table[columns.PARTS].eq(0.5).all(axis=None)
-    tex = costs.displacement_to_latex(table)
+    tex = displacement.to_latex(table)
     first, second = table_cases.cells(tex)
     assert first[:3] == [r"a\_b", "0", "0.50"]
     assert second[:3] == ["", "1", "0.50"]
@@ -34,11 +33,11 @@ def test_means_are_over_views_and_given_renders_have_none():
 )
 def test_one_view_without_a_number_leaves_the_mean_empty(name):
     table = made(
-        costs.displacement, [row(), row(**{name: [0.25, np.nan]}).assign(round=1)]
+        displacement.make_table, [row(), row(**{name: [0.25, np.nan]}).assign(round=1)]
     )
     assert table[name].isna().tolist() == [False, True]
     assert table.drop(columns=name).notna().all(axis=None)
-    tex = costs.displacement_to_latex(table)
+    tex = displacement.to_latex(table)
     assert tex.count("--") == 1
     assert "nan" not in tex
 
@@ -46,11 +45,11 @@ def test_one_view_without_a_number_leaves_the_mean_empty(name):
 def test_a_part_that_no_row_has_is_left_out():
     lengths = [f"model_{length}_px" for length in ("median", "mean", "p95")]
     without = row(**dict.fromkeys(lengths, np.nan))
-    tex = costs.displacement_to_latex(made(costs.displacement, [without]))
+    tex = displacement.to_latex(made(displacement.make_table, [without]))
     assert "model" not in tex
     assert "--" not in tex
-    tex = costs.displacement_to_latex(
-        made(costs.displacement, [row(), without.assign(round=1)])
+    tex = displacement.to_latex(
+        made(displacement.make_table, [row(), without.assign(round=1)])
     )
     assert "model" in tex
     assert tex.count("--") == len(lengths)
