@@ -8,20 +8,17 @@ base_db                                  PSNR of the view by the baseline's roun
 description, baseline, published, ...    names of the row, as in trainings.csv
 train_time_s, total_time_s, ...          costs of all that leads to the row
 
-Tables across scenes add the fields of `Scene`, and as `reference_db` the PSNR of the
-view by the reference's round 0.
+`read_scenes` adds the fields of `Scene`, and as `reference_db` the PSNR of the view by
+the reference's round 0.
 """
 
-import contextlib
 from pathlib import Path
 
 import pandas as pd
 
 from alignerf import testsets
-from alignerf.experiment.tables import rows as table_rows
-from alignerf.experiment.tables.scenes import Scene
-from alignerf.io import atomic, csv_files, provenance
-from alignerf.tables import columns, latex, scores
+from alignerf.io import csv_files, provenance
+from alignerf.tables import columns, scores
 
 ROW = ["method", "round"]
 VIEW = ["scene", "test_set", "view"]
@@ -168,22 +165,11 @@ def gains(own, other, prefix="difference_"):
     return scores.pooled_mean_and_interval(groups, prefix)
 
 
-# Of a command that makes a table across scenes.
-OPTIONS = {
-    "scenes": "JSON: what each is like",
-    "[results]": ("where they lie", "results"),
-    "[configs]": ("YAML: complete ones", {"nargs": "*", "default": []}),
-    "csv": "table; its provenance beside it",
-    "tex": "table, written",
-}
-FIGURE = {"figure": "PNG, written"}
-
-
-def read_scenes(args, table):
-    """The frame of all scenes of the arguments of `parser`, with what each is like."""
+def read_scenes(scenes, results, table=""):
+    """The frame of all `Scene`s in a folder of results, with what each is like."""
     frames = [
-        read(Path(args.results) / scene.scene, table).assign(**scene._asdict())
-        for scene in table_rows.read(Scene, args.scenes)
+        read(Path(results) / scene.scene, table).assign(**scene._asdict())
+        for scene in scenes
     ]
     return with_reference(pd.concat(frames, ignore_index=True))
 
@@ -198,33 +184,6 @@ def of_reference(views):
     return views[(views["method"] == views["reference"]) & (views["round"] == 0)]
 
 
-def write(table, to_latex, *, csv, tex, scenes, configs, of=""):
-    """Write a table as CSV and as to_latex has it, and its provenance; all or none.
-
-    scenes: folders of those that it was made of. configs: their complete configs. of: a
-    table across scenes.
-    """
-    text = latex.document(to_latex(table))
-    table = without_empty(table)
-    trainings = [one for scene in scenes for one in origins(scene, of)]
-    found = provenance.describe(trainings, configs)
-    beside = provenance.path_beside(csv)
-    with contextlib.ExitStack() as stack:
-        csv, tex, origin = (
-            stack.enter_context(atomic.replace_file(path))
-            for path in (csv, tex, beside)
-        )
-        table.to_csv(csv, index=False, float_format="%.6g")
-        tex.write_text(text)
-        origin.write_text(provenance.as_json(found))
-
-
-def without_empty(table):
-    """A table without the columns of networks that had no weights."""
-    known = [name for name in columns.NETWORKS if name in table]
-    return table.drop(columns=[n for n in known if table[n].isna().all()])
-
-
 def origins(scene, table=""):
     """Path and `provenance.KEYS` of each training that a scene's tables are made of."""
     found = read_trainings(scene, table).drop_duplicates("folder")
@@ -232,10 +191,3 @@ def origins(scene, table=""):
     keys = found[[*provenance.KEYS]].astype(object)
     keys = keys.where(keys.notna(), None)
     return keys.assign(path=paths).to_dict("records")
-
-
-def write_across(table, to_latex, views, args, of):
-    """The same of a table across scenes, by the arguments of `parser`."""
-    scenes = [Path(args.results) / name for name in views["scene"].unique()]
-    places = {"csv": args.csv, "tex": args.tex, "configs": args.configs}
-    write(table, to_latex, scenes=scenes, of=of, **places)

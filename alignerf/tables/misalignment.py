@@ -26,6 +26,11 @@ def make_table(views, printed=()):
     return table.astype(dict.fromkeys(COUNTS, "Int64"))
 
 
+def printed(args):
+    """Lines of all published tables that the arguments name."""
+    return [one for path in args.published for one in published(path, args.called)]
+
+
 def published(path, scene):
     """Lines of a table of results/published that are of a scene of this name.
 

@@ -15,6 +15,7 @@ import sys
 from pathlib import Path
 from typing import NamedTuple
 
+from alignerf import tabulate
 from alignerf.io import owned
 from tests import damaged_cases
 from tools.torture import damage, running
@@ -53,7 +54,8 @@ def of_plan(text):
         if not (shell and outputs):
             continue
         words = shlex.split(re.sub(r" (2>&1 \| tee|>) .*", "", shell[0]))
-        kind = (words[2], *(word for word in words if word.startswith("--")))
+        told = (w for w in words if w.startswith("--") or w in tabulate.TABLES)
+        kind = (words[2], *told)
         kind += trained(words)
         stage = Stage([sys.executable, *words[1:]], outputs[1].split(", "))
         found.setdefault(kind, stage)
@@ -91,7 +93,7 @@ def inputs_of(stage, folder):
             for split in SPLITS if "{split}" in path else ("",):
                 named.add(path.replace("{split}", split).rstrip("/."))
     scenes = {str(Path(path).parent) for path in named if path.endswith("/config.yaml")}
-    found = {f"{scene}/{name}" for scene in scenes for name in rows_of(stage.module)}
+    found = {f"{scene}/{name}" for scene in scenes for name in rows_of(stage)}
     for path in named:
         if path.count("/") == 1:
             of_scene = ["cameras.npz", "images"]
@@ -108,16 +110,12 @@ def inputs_of(stage, folder):
     )
 
 
-def rows_of(module):
+def rows_of(stage):
     """Files below a scene's folder that a table is made of; none of other stages."""
-    if module == "alignerf.tabulate":
-        return ROWS
-    package, _, table = module.rpartition(".")
-    return (
-        [f"{table}/{name}" for name in ROWS]
-        if package == "alignerf.tables.across"
-        else []
-    )
+    if stage.module != "alignerf.tabulate":
+        return []
+    name = stage.command[stage.command.index("--table") + 1]
+    return [str(Path(tabulate.TABLES[name].of, one)) for one in ROWS]
 
 
 def reports_in(folder, path):

@@ -11,7 +11,7 @@ for table in tables:
         output:
             csv=report(
                 f"results/{table.name}.csv",
-                caption=f"../report/{table.command}.rst",
+                caption=f"../report/{table.kind}.rst",
                 category=table.name,
                 labels={"what": table.name, "kind": "table"},
             ),
@@ -20,7 +20,7 @@ for table in tables:
             beside=[
                 report(
                     f"results/{table.name}{end}",
-                    caption=f"../report/{table.command}.rst",
+                    caption=f"../report/{table.kind}.rst",
                     category=table.name,
                     labels={"what": table.name, "kind": kind},
                 )
@@ -35,18 +35,10 @@ for table in tables:
         conda:
             "../../environment.yml"
         params:
-            options=lambda w, t=table: t.options,
-            beside=lambda w, output, kinds=tuple(table.beside): [
-                word
-                for pair in zip(kinds, output.beside)
-                for word in (f"--{pair[0]}", pair[1])
-            ],
-            module=table.module,
-            sources=sources.sources_of(table.module),
+            command=lambda w, t=table: t.command,
+            sources=sources.sources_of("alignerf.tabulate"),
         shell:
-            "python -m {params.module} {params.options:q} --configs {input.configs:q}"
-            " --csv {output.csv:q} --tex {output.tex:q} {params.beside:q}"
-            " 2>&1 | tee {log:q}"
+            RUN
 
 
 # What `snakemake --list` says of them: each its own.

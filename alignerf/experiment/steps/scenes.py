@@ -95,12 +95,12 @@ def tables(experiment, w):
     published = rows.published(called)
     command = words(
         "alignerf.tabulate",
-        scene=scene,
-        tables=w.table,
+        table=w.table,
+        scenes=rows.as_json([table_scenes.of_scene(experiment, w.scene)]),
         published=published,
         called=called if published else None,
         configs=scene.config,
-        out=scene.tables,
+        out=f"{scene.tables}/{w.table}",
     )
     inputs = {"scores": scene.scores(), "trainings": scene.trainings()}
     return Step(command, inputs | {"config": scene.config}, {"published": published})

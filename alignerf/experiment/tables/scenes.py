@@ -125,30 +125,24 @@ OF_TABLES = {
 class Across(NamedTuple):
     """A table across an experiment's scenes: a rule, and a target of its name.
 
-    command: the module in alignerf/tables/across that makes it. scenes: from the
-    experiment to its `Scene`s; ValueError for a config of which there is no such table.
-    of: whose rows it has, of OF_TABLES. reads: files of each scene that it reads
-    besides. beside: {option: suffix} of what is made beside the table. more: options of
-    its own. published: files beside the sources. chosen: scenes that it is narrowed to;
-    none: all.
+    kind: of `alignerf.tabulate`. scenes: from the experiment to its `Scene`s;
+    ValueError for a config of which there is no such table. of: whose rows it has, of
+    OF_TABLES. reads: files of each scene that it reads besides. beside: {what: ending}
+    of what is made beside the table. more: options of its own. published: files beside
+    the sources. chosen: scenes that it is narrowed to; none: all.
     """
 
     name: str
     about: str
     experiment: object
-    command: str = "comparison"
+    kind: str = "comparison"
     scenes: Callable = compared
     of: str = "comparison"
     reads: tuple = ()
     beside: Mapping = types.MappingProxyType({"figure": ".png"})
-    more: tuple = ()
+    more: Mapping = types.MappingProxyType({})
     published: tuple = ()
     chosen: tuple = ()
-
-    @property
-    def module(self):
-        """The command's module."""
-        return f"alignerf.tables.across.{self.command}"
 
     @property
     def found(self):
@@ -163,9 +157,16 @@ class Across(NamedTuple):
         return [f"{layout.Scene(o.scene)}/{name}" for o in self.found for name in names]
 
     @property
-    def options(self):
-        """Words of its command line."""
-        return ["--scenes", rows.as_json(self.found), *self.more]
+    def command(self):
+        """The command that makes it."""
+        return words(
+            "alignerf.tabulate",
+            table=self.kind,
+            scenes=rows.as_json(self.found),
+            out=f"{layout.RESULTS}/{self.name}",
+            configs=self.configs,
+            **self.more,
+        )
 
     @property
     def configs(self):
@@ -187,7 +188,7 @@ def across(experiments, narrowed=types.MappingProxyType({})):
             found.append(printed_table(name, experiment))
     if arm := experiments.by_name.get("figures"):
         about = "Compare NeRF and BARF on a moving arm"
-        found.append(Across("arm", about, arm, command="arm", of="arm"))
+        found.append(Across("arm", about, arm, kind="arm", of="arm"))
     named = {table.name: table for table in found}
     if trade := experiments.by_name.get("tradeoff"):
         named["tradeoff"] = trade_table(trade)
@@ -208,13 +209,12 @@ def own_tables(experiment):
 def trade_table(experiment):
     """Seconds against dB of every method and length."""
     about = "Compare what settings cost with what they bring"
-    return Across("tradeoff", about, experiment, command="tradeoff")
+    return Across("tradeoff", about, experiment, kind="tradeoff")
 
 
 def printed_table(name, experiment):
     """All methods on all scenes, beside what the paper prints of its table's."""
     published, number = rows.published_table(), experiment.config["published_table"]
-    more = words("", published=published, published_table=number)[1:]
     about, scenes = "Compare all methods on all scenes", compared
     if name != "comparison":
         about, scenes = (
@@ -226,6 +226,6 @@ def printed_table(name, experiment):
         scenes=scenes,
         reads=("cameras.npz",),
         beside={"ranking": "_ranking.csv", "effects": "_effects.csv"},
-        more=tuple(more),
+        more={"published": published, "published_table": number},
         published=(published,),
     )

@@ -1,1 +1,1 @@
-"""Tables across scenes, or of a sweep: a command each."""
+"""Tables across scenes, or of a sweep."""

@@ -1,32 +1,21 @@
-"""The moving arm: `python -m alignerf.tables.across.arm`.
+"""The moving arm: `arm.csv`.
 
 The paper's last experiment: an object with a part in one of two states. Of scenes with
 right poses, methods that leave them so (NeRF); of scenes with perturbed ones, methods
-that learn them (BARF). Does learning them blur what stands still? Writes CSV, LaTeX and
+that learn them (BARF). Does learning them blur what stands still? Beside it lies
 a picture: the two states, their difference, renders, and their errors.
 """
-
-from pathlib import Path
 
 import matplotlib.figure
 import numpy as np
 import pandas as pd
 
-from alignerf.io import atomic, faults, images
+from alignerf.io import images
 from alignerf.tables import columns, frame, latex
 
 # Against ground truth: where nothing moves, and where the arm may be.
 PLACES = {"still": "oracle_still", "moving": "oracle_moving"}
 CELL_INCH, LABEL_PT = 2.0, 8
-
-
-def main(argv=None):
-    args = faults.arguments(argv, __doc__, frame.OPTIONS | frame.FIGURE)
-    views = frame.read_scenes(args, "arm")
-    table = make_table(views)
-    with atomic.replace_file(args.figure) as path:
-        draw(table, sorted(views["view"].unique()), Path(args.results), path)
-        frame.write_across(table, to_latex, views, args, "arm")
 
 
 def make_table(views):
@@ -50,6 +39,12 @@ def make_table(views):
 
 def to_latex(table):
     return latex.of_table("arm", table)
+
+
+def beside(views, table, args):
+    """The picture."""
+    names = sorted(views["view"].unique())
+    return {".png": lambda path: draw(table, names, args.results, path)}
 
 
 def draw(table, names, results, path):
@@ -97,7 +92,3 @@ def difference(one, other):
     """The absolute difference of two images, three times as bright."""
     apart = np.abs(one.astype(float) - other.astype(float))
     return np.clip(3 * apart, 0, 255).astype(np.uint8)
-
-
-if __name__ == "__main__":
-    faults.run(main)

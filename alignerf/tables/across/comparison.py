@@ -1,22 +1,21 @@
-"""The paper's tables: `python -m alignerf.tables.across.comparison`.
+"""The paper's tables: `comparison.csv`, `table1.csv` and on.
 
-Of all that was trained, or given as renders, on all scenes; writes CSV and LaTeX. Means
-are over scenes, and the CSV has each scene's own lines below; scenes that were trained
-for another share of the steps are a group of their own (the paper's 1x and 4x).
-Differences are paired by view; 95 % intervals are over scenes, seeds and views. What
-the paper prints for a method stands below ours, or at the end where no method is called
-so. Also writes whether test sets rank the methods alike, which the paper's Table 2
-claims, and the paper's effects beside ours (`alignerf.tables.effects`).
+Of all that was trained, or given as renders, on all scenes. Means are over scenes, and
+the CSV has each scene's own lines below; scenes that were trained for another share of
+the steps are a group of their own (the paper's 1x and 4x). Differences are paired by
+view; 95 % intervals are over scenes, seeds and views. What the paper prints for a
+method stands below ours, or at the end where no method is called so. Beside it lie
+whether test sets rank the methods alike, which the paper's Table 2 claims, and the
+paper's effects beside ours (`alignerf.tables.effects`).
 """
 
 import itertools
-from pathlib import Path
 
 import numpy as np
 import pandas as pd
 
 from alignerf import testsets
-from alignerf.io import archives, atomic, csv_files, faults
+from alignerf.io import archives, csv_files
 from alignerf.tables import (
     columns,
     effects,
@@ -36,33 +35,19 @@ BOTH = ("standard", "warped")
 ALL = "all"
 
 
-OPTIONS = frame.OPTIONS | {
-    "ranking": "CSV, written",
-    "effects": "CSV, written",
-    "[published]": "CSV of what papers print",
-    "[published-table]": ("which of its tables", int),
-}
+def printed(args):
+    """What the paper prints in the table that the arguments name."""
+    return printed_lines(*(args.published or [None]), args.published_table)
 
 
-def main(argv=None):
-    args = faults.arguments(argv, __doc__, OPTIONS)
-    views = frame.read_scenes(args, "comparison")
-    printed = printed_lines(args.published, args.published_table)
-    table, ranks = make_table(views, printed), make_ranking(views)
+def beside(views, table, args):
+    """How test sets rank the methods, and the paper's effects beside ours."""
     found = pd.DataFrame(columns=columns.names("effects"))
-    if printed:
-        pixels = {
-            one: pixels_of(Path(args.results) / one) for one in views["scene"].unique()
-        }
-        every = csv_files.read(args.published)
+    if args.published and args.published_table is not None:
+        pixels = {one: pixels_of(args.results / one) for one in views["scene"].unique()}
+        every = csv_files.read(*args.published)
         found = effects.of_table(args.published_table, views, every, pixels)
-    with (
-        atomic.replace_file(args.ranking) as ranked,
-        atomic.replace_file(args.effects) as compared,
-    ):
-        ranks.to_csv(ranked, index=False, float_format="%.6g")
-        frame.without_empty(found).to_csv(compared, index=False, float_format="%.6g")
-        frame.write_across(table, to_latex, views, args, "comparison")
+    return {"_ranking.csv": make_ranking(views), "_effects.csv": found}
 
 
 def pixels_of(scene):
@@ -171,7 +156,3 @@ def to_latex(table):
         fixed=[(key, heading, "cells") for key, heading in heads.items()],
         written={"method": list(names.where(~printed, grey))},
     )
-
-
-if __name__ == "__main__":
-    faults.run(main)

@@ -1,17 +1,16 @@
-"""What each method costs and brings: `python -m alignerf.tables.across.tradeoff`.
+"""What each method costs and brings: `tradeoff.csv`.
 
 A line has a condition (scenes that differ in seed and length only), a length of
 training, and a method after a round; seeds are pooled. Scores are against the oracle
 where it is known, else against the photos. Differences are to the reference method's
 round 0, trained as long as the config says; 95 % intervals are over views and, where
-there are several, seeds. Writes CSV, LaTeX and a figure.
+there are several, seeds. Beside it lies a figure.
 """
 
 import numpy as np
 import pandas as pd
 
 from alignerf import testsets
-from alignerf.io import atomic, faults
 from alignerf.tables import columns, frame, latex, plots, scores
 
 # Cameras that are moved to fit a photo are scored by PSNR alone; other metrics are of
@@ -19,13 +18,9 @@ from alignerf.tables import columns, frame, latex, plots, scores
 PERCEPTUAL = "warped"
 
 
-def main(argv=None):
-    args = faults.arguments(argv, __doc__, frame.OPTIONS | frame.FIGURE)
-    views = frame.read_scenes(args, "comparison")
-    table = make_table(views)
-    with atomic.replace_file(args.figure) as path:
-        plots.costs(table, path)
-        frame.write_across(table, to_latex, views, args, "comparison")
+def beside(views, table, args):
+    """The figure."""
+    return {".png": lambda path: plots.costs(table, path)}
 
 
 def make_table(views):
@@ -82,7 +77,3 @@ def to_latex(table):
             "method": [rf"\textbf{{{n}}}" if front else n for n, front in pairs],
         },
     )
-
-
-if __name__ == "__main__":
-    faults.run(main)

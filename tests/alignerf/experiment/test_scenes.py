@@ -18,7 +18,8 @@ def test_a_table_across_scenes_waits_for_their_rows(demo, experiment_of, table):
     files = [f"{folder}/scores.csv", f"{folder}/trainings.csv"]
     beside = ["results/courtyard/cameras.npz"] * (table != "tradeoff")
     assert made.inputs == [*files, *beside]
-    assert made.options[0] == "--scenes"
+    kind = "tradeoff" if table == "tradeoff" else "comparison"
+    assert made.command[:4] == ["alignerf.tabulate", "--table", kind, "--scenes"]
     assert made.configs == ["results/courtyard/config.yaml"]
     assert f"results/{table}.csv" in made.files()
     effects = table in ("comparison", "table2")

@@ -12,7 +12,7 @@ from flow.warping import controls as control_flows
 from tests import table_cases
 from tests.table_cases import made
 
-SETS = (*sorted(controls.needed()), "oracle")
+SETS = (*sorted(controls.needed()), "oracle", "oracle_still", "oracle_moving")
 ROWS = [
     table_cases.row(dict.fromkeys(SETS, db), name)
     for db, name in (
@@ -24,16 +24,13 @@ ROWS = [
 
 @pytest.mark.parametrize("name", tabulate.TABLES)
 def test_a_table_has_the_columns_of_the_registry(name):
-    table = made(tabulate.TABLES[name][0], ROWS)
+    table = made(tabulate.TABLES[name].make, [table_cases.scored("a", ROWS)])
     assert list(table.columns) == columns.names(name)
     assert len(table)
 
 
-def test_so_have_those_across_scenes():
-    scenes = [table_cases.scored("a", ROWS)]
-    table = made(comparison.make_table, scenes)
-    assert list(table.columns) == columns.names("comparison")
-    table = made(comparison.make_ranking, scenes)
+def test_so_has_a_ranking_across_scenes():
+    table = made(comparison.make_ranking, [table_cases.scored("a", ROWS)])
     assert list(table.columns) == columns.names("comparison_ranking")
 
 

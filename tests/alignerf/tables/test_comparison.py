@@ -4,6 +4,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
+from alignerf import tabulate
 from alignerf.experiment.tables import rows as table_rows
 from alignerf.tables import latex
 from alignerf.tables.across import comparison
@@ -183,11 +184,10 @@ def test_as_a_command(tmp_path):
     np.savez(folder / "cameras.npz", **views, **lens, width=5, height=2)
     table_cases.collect(folder, rows, "comparison")
     scene = table_cases.scene_like("a", reference="nerf")
-    options = {kind: f"{tmp_path}/out.{kind}" for kind in ("csv", "tex")}
-    options |= {"scenes": table_rows.as_json([scene]), "results": str(tmp_path)}
-    options |= {one: f"{tmp_path}/{one}.csv" for one in ("ranking", "effects")}
+    options = {"table": "comparison", "out": tmp_path / "out", "results": tmp_path}
+    options |= {"scenes": table_rows.as_json([scene])}
     options |= {"published": table_rows.published_table(), "published-table": 3}
-    comparison.main([f"--{name}={value}" for name, value in options.items()])
+    tabulate.main([f"--{name}={value}" for name, value in options.items()])
     table = pd.read_csv(tmp_path / "out.csv")
     assert table["method"].drop_duplicates().tolist()[:2] == [
         "nerf",
@@ -195,8 +195,8 @@ def test_as_a_command(tmp_path):
     ]
     assert table["source"].notna().any()
     assert set(table["memory_mib"].dropna()) == {1.5}
-    assert len(pd.read_csv(tmp_path / "ranking.csv")) == 1
-    effects = pd.read_csv(tmp_path / "effects.csv")
+    assert len(pd.read_csv(tmp_path / "out_ranking.csv")) == 1
+    effects = pd.read_csv(tmp_path / "out_effects.csv")
     row = one(effects, effect="AligNeRF", method="nerf", over="b")
     # All rays over the pixels of the one training photo.
     assert (row["warped_db"], row["epochs"], row["reproduced"]) == (0, 5, "one seed")
