@@ -12,6 +12,7 @@ DATA = {
     "alignerf.splats": ["*.cc"],
     "alignerf.page": ["**/*.html", "**/*.css", "**/*.js", "vendor/*"],
     "alignerf.tables": ["*.yaml"],
+    "alignerf.testsets": ["*.yaml"],
     PIPELINE: [
         *("Snakefile", "environment.yml", "results/published/*.csv"),
         "profiles/*/config.yaml",

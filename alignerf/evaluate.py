@@ -123,6 +123,11 @@ class View:
         """Where an object is seen that moves, in either of its states."""
         return archives.read(self.moving_path, ["moving"])["moving"]
 
+    @property
+    def still(self):
+        """Where none is."""
+        return ~self.moving
+
 
 def pairs_of(view, renders, moved):
     """(test set, image, render, mask of pixels) of all that a view is scored on.

@@ -311,6 +311,7 @@ SHIPPED = {
     "alignerf.kernels.compiler": {"read_bytes"},
     "alignerf.cli.folders": {"read_text"},
     "alignerf.tables.columns": {"read_text", "yaml.safe_load"},
+    "alignerf.testsets.own": {"read_text", "yaml.safe_load"},
 }
 # What the system tells of itself; of provenance also the pins of libraries.
 SYSTEM = {

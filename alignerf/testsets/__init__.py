@@ -1,7 +1,7 @@
-"""The registry of test sets: each module of this folder has a list, TEST_SETS.
+"""The registry of test sets: own.yaml, and lists TEST_SETS of modules of this folder.
 
-A new file is all that a new test set takes: `alignerf.evaluate` scores it, rule
-`control_sets` writes its images, tables show it, docs/reference/files.md lists it.
+A new entry or file is all that a new test set takes: `alignerf.evaluate` scores it,
+rule `control_sets` writes its images, tables show it, docs/reference/files.md lists it.
 """
 
 import functools

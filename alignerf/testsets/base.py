@@ -6,8 +6,6 @@ from typing import NamedTuple
 
 NEEDS = ("", "testset", "truth", "moving")
 TABLES = {"misalignment", "comparison", "ranking", "controls"}
-# Tables of how good a method is.
-QUALITY = ("misalignment", "comparison")
 
 
 class Quantity(NamedTuple):
@@ -50,8 +48,8 @@ class TestSet:
     name: str
     pixels: str
     meaning: str
-    needs: str
     make: Callable
+    needs: str = ""
     tables: tuple[str, ...] = ()
     moved: bool = False
     partial: bool = False
@@ -64,18 +62,3 @@ class TestSet:
     fair_for: frozenset[str] = frozenset()
     preference: int | None = None
     against: str = ""
-
-
-def photo(view):
-    """The photo as it is."""
-    return view.photo, view.everywhere
-
-
-def oracle(view):
-    """The undisplaced scene at the given pose."""
-    return view.oracle, view.everywhere
-
-
-def folder(name, mask):
-    """An image beside the warped test set, on the pixels of a view's `mask`."""
-    return lambda view: (view.of_testset(name), getattr(view, mask))
