@@ -57,7 +57,7 @@ def table_of(path, test_sets):
 def experiment(demo, experiment_of, tmp_path):
     """Of `MOVES`; its renders that are given lie where they should."""
     methods = {name: method for name, (method, _) in MOVES.items()}
-    methods["given"] = {"renders": f"{tmp_path}/{{scene}}"}
+    methods["given"] = {"external": {"renders": f"{tmp_path}/{{scene}}"}}
     (tmp_path / "courtyard").mkdir()
     config = demo | {"methods": methods, "reference": {"method": "plain"}}
     return experiment_of(config)
