@@ -18,9 +18,9 @@ def length(share):
     return f"{share:g}x"
 
 
-def row_name(method, warping):
-    """What a method and its warping are called in one line."""
-    return method if warping == WARPINGS[0] else f"{method}, warped {warping}"
+def row_name(method, warping, changed="warped"):
+    """What a method and its warping are called in one line; changed: by its rounds."""
+    return method if warping == WARPINGS[0] else f"{method}, {changed} {warping}"
 
 
 def short_names(methods, warpings):

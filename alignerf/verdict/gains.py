@@ -14,7 +14,7 @@ from alignerf.scenes import prepared
 from alignerf.sfm import acceptance, calibration, matches
 from alignerf.tables import scores
 
-COLUMNS = ("method", "warping", "test_set", "difference_to", "total_time_s")
+COLUMNS = ("method", "field", "warping", "test_set", "difference_to", "total_time_s")
 COLUMNS += ("moves_cameras", "moves_photos")
 COLUMNS += ("difference_db", "difference_low_db", "difference_high_db")
 
@@ -39,17 +39,13 @@ def of_table(path, timings, judgements=()):
         table["warping"] == scores.warping(0)
     )
     chosen = (table["test_set"] == fair) & ~own & table["difference_db"].notna()
+    labels = dict(zip(table["method"], table["field"], strict=True))
     gains = []
     for row in table[chosen].itertuples():
-        name, timing = scores.row_name(row.method, row.warping), timings.get(row.method)
-        if row.moves_cameras is True and row.moves_photos is not True:
-            name = name.replace(", warped ", ", cameras corrected ")
-        if timing and not row.method.startswith("aligned"):
-            name = f"{name}, aligned in the loop"
-        judgement = dict(judgements).get(row.method)
+        timing, judgement = timings.get(row.method), dict(judgements).get(row.method)
         gains.append(
             Gain(
-                *(name, row.difference_db),
+                *(name_of(row, labels, bool(timing)), row.difference_db),
                 *(row.difference_low_db, row.difference_high_db),
                 *(row.total_time_s / 60, row.method, row.moves_cameras, row.test_set),
                 cameras_moved=cameras_moved(timing) if timing else None,
@@ -58,6 +54,19 @@ def of_table(path, timings, judgements=()):
             )
         )
     return gains
+
+
+def name_of(row, labels, in_loop):
+    """What a row of a table is called: its method, and what has changed.
+
+    labels: {method: its `methods.label`}. Of a method that aligns itself: all that its
+    label says besides its baseline's.
+    """
+    cameras = row.moves_cameras is True and row.moves_photos is not True
+    changed = "cameras corrected" if cameras else "warped"
+    name = scores.row_name(row.method, row.warping, changed)
+    base = f"{labels.get(row.difference_to)}, "
+    return f"{name}, {str(row.field).removeprefix(base)}" if in_loop else name
 
 
 def cameras_moved(timing):
