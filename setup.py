@@ -15,6 +15,7 @@ DATA = {
     "alignerf.testsets": ["*.yaml"],
     PIPELINE: [
         *("Snakefile", "environment.yml", "results/published/*.csv"),
+        "docs/measured/verdicts.csv",
         "profiles/*/config.yaml",
         *(
             f"workflow/**/*.{kind}"

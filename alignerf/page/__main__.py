@@ -79,7 +79,7 @@ def render(folder, *, rounds, base, others=None, crops=NOTHING, moved=NOTHING[:2
         wheel=pictures.data_uri(photos.wheel(limit_px)),
         mark=told.MARK,
         tables=contents.tables(folder, photos.scale(folder)),
-        origin=contents.origin(folder, export),
+        origin=contents.origin(folder),
         docs=DOCS and quote(os.path.relpath(DOCS, folder)),
         figures=figures(folder),
         decisions=decisions,

@@ -5,9 +5,7 @@ sorted by.
 """
 
 import math
-import re
 from datetime import UTC, datetime
-from pathlib import Path
 from typing import NamedTuple
 
 import pandas as pd
@@ -56,7 +54,7 @@ POSES = prepared.POSES | dict.fromkeys(
     ("test_views", "height", "photo_height"), json_files.NUMBER
 )
 WAY = {"way": json_files.OrNone(str), "held_out": json_files.OrNone(str)}
-POSES |= {"external_renders": json_files.OrNone(WAY)}
+POSES |= {"external_renders": json_files.OrNone(WAY), "input": json_files.OrNone(str)}
 SAID = {"said": str}
 
 
@@ -131,26 +129,27 @@ def cell(row, key, form):
     return Cell(format(value, form), value)
 
 
-def origin(folder, export):
+def origin(folder):
     """(name, text) of what made the page: version, when, the command, its input.
 
     Of the input the folder's name alone: the page is sent to others.
     """
-    scene, said = faults.resolved(folder).name, {}
-    config = folder.parent / f"{scene}.yaml"
-    if config.is_file():
-        # As `cli.configs` begins the configs that it writes.
-        first = faults.text(config).partition("\n")[0]
-        if written := re.fullmatch(r"# Written by `(.+)` for (.+)", first):
-            said = {"command": written[1], "input": Path(written[2]).name}
-    elif export and export.startswith("snakemake"):
-        said = {"command": export.replace(" export", "", 1)}
-    elif export:
-        # Without a config of its own it is the demo, see `targets.export_command`.
-        said = {"command": provenance.typed("make run", "why-blurry demo")}
+    poses, export = prepared.read_poses(folder, POSES), provenance.export_command()
     made = datetime.fromtimestamp((folder / "verdict.json").stat().st_mtime, UTC)
-    said = {"on": f"{made:%Y-%m-%d %H:%M} UTC", "scene": scene} | said
-    return [("why-blurry", provenance.VERSION), *said.items()]
+    kind = "judge" if poses.get("external_renders") else "photos"
+    command = provenance.typed(f"make {kind}", f"why-blurry {kind}")
+    if export.startswith("snakemake"):
+        command = export.replace(" export", "", 1)
+    elif poses.get("source") == "courtyard":
+        command = provenance.typed("make run", "why-blurry demo")
+    entries = {
+        "why-blurry": provenance.VERSION,
+        "on": f"{made:%Y-%m-%d %H:%M} UTC",
+        "scene": faults.resolved(folder).name,
+        "command": command,
+        "input": poses.get("input"),
+    }
+    return [(name, text) for name, text in entries.items() if text]
 
 
 def quarter_turns(folder):

@@ -3,25 +3,18 @@
 From verdict.json, which holds what `alignerf.verdict.report` tells.
 """
 
+import pandas as pd
+
 from alignerf import testsets
-from alignerf.io import json_files
+from alignerf.io import json_files, provenance
 from alignerf.verdict import kinds, report
 
 # A level's sign, which tells it without colours.
 SIGNS = dict(zip(report.LEVELS, ("\u2715", "!", "\u2713", "?"), strict=True))
 # Of fixes: those that pay, those that harm, others.
 KINDS = {"ok": "\u2713", "faulty": "\u2715", "unclear": "\u2013"}
-# How often the cause of a planted fault is named first: {capture: (right, of)}, by
-# limits fitted on the others; and false causes a verdict (docs/measured/verdicts.csv).
-RIGHT = {
-    "castle": (32, 36),
-    "courtyard": (36, 37),
-    "fox": (37, 40),
-    "chair": (38, 40),
-    "flower": (35, 37),
-    "treehill": (22, 29),
-}
-FALSE_EACH = 0.08
+# Of verdicts on planted faults, each by limits that were fitted on other captures.
+ACCURACY = provenance.PIPELINE / "docs" / "measured" / "verdicts.csv"
 # A bar's mark, where the limit is, in shares of its width; and the least that is seen.
 MARK, LEAST = 0.5, 0.02
 # Of an interval so wide a hundredth says nothing.
@@ -42,11 +35,15 @@ def read(folder):
 
 def how_right():
     """How far the verdict is to be trusted, in two sentences."""
-    each = ", ".join(f"{name} {right} of {of}" for name, (right, of) in RIGHT.items())
+    table = pd.read_csv(ACCURACY, comment="#")
+    table = table[table["read_as"] == "its renders"].set_index("capture")
+    captures = table.drop("all").itertuples()
+    each = ", ".join(f"{row.Index} {row.first} of {row.first_of}" for row in captures)
     return (
         "How often it is right: of faults planted in captures, the planted cause was "
         f"named first in {each}, by limits that were fitted without the capture. "
-        f"{FALSE_EACH:.2f} causes per verdict were named and not there."
+        f"{table.loc['all', 'false_each']:.2f} causes per verdict were named and not "
+        "there."
     )
 
 

@@ -17,7 +17,7 @@ def patched(tmp_path_factory):
 
     def apply(name):
         copy = tmp_path_factory.mktemp("patched")
-        for part in ("alignerf", "flow", "workflow", "tests"):
+        for part in ("alignerf", "flow", "workflow", "tests", "docs/measured"):
             ignored = shutil.ignore_patterns("__pycache__")
             shutil.copytree(ROOT / part, copy / part, ignore=ignored)
         shutil.copy(ROOT / "Snakefile", copy)

@@ -68,28 +68,34 @@ def test_the_verdict_stands_first_then_what_to_do_then_the_pictures(render):
     assert alignerf.__version__ in text[text.index("<footer>") :]
 
 
+MINE = "</code></span>\n<span>input <code>mine</code>"
+
+
 @pytest.mark.parametrize(
-    ("export", "first", "said"),
+    ("export", "told", "said"),
     [
-        ("make export SCENE=x", None, "command <code>make run</code>"),
-        ("snakemake --cores 2 export --configfile a", None, "--cores 2 --configfile a"),
+        ("make export SCENE=x", {"source": "courtyard"}, "<code>make run</code>"),
+        ("snakemake --cores 2 export --configfile a", {}, "--cores 2 --configfile a"),
         (
             "make export SCENE=x",
-            "# Written by `make photos` for /home/me/secret/mine",
-            "command <code>make photos</code></span>\n<span>input <code>mine</code>",
+            {"source": "photos", "input": "mine"},
+            f"command <code>make photos{MINE}",
+        ),
+        (
+            "make export SCENE=x",
+            {"external_renders": {"layout": "a", "cameras": "b"}, "input": "mine"},
+            f"command <code>make judge{MINE}",
         ),
     ],
 )
 def test_the_foot_says_what_made_the_page(
-    render, results, monkeypatch, export, first, said
+    render, results, monkeypatch, export, told, said
 ):
     monkeypatch.setenv(provenance.EXPORT, export)
-    if first:
-        (results.parent / f"{results.name}.yaml").write_text(f"{first}\n")
+    path = results / "poses.json"
+    path.write_text(json.dumps(json.loads(path.read_text()) | told))
     text = render()
-    foot = text[text.index("<footer>") : text.index("</footer>")]
-    assert said in foot
-    assert "secret" not in foot
+    assert said in text[text.index("<footer>") : text.index("</footer>")]
 
 
 def test_a_new_verdict_has_a_command_what_was_tried_and_gauges(render, causes):
