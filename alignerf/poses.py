@@ -282,8 +282,7 @@ def describe_views(views, photo_size, split, config):
         "downscale": config["downscale"],
         "focal_px": [float(camtopix[:, i, i].mean()) for i in (0, 1)],
         "perturb_px": config["perturb_px"],
-        "train_views": int((split == "train").sum()),
-        "test_views": int((split == "test").sum()),
+        **{f"{name}_views": int((split == name).sum()) for name in prepared.SPLITS},
     }
 
 

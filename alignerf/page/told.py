@@ -3,10 +3,8 @@
 From verdict.json, which holds what `alignerf.verdict.report` tells.
 """
 
-import pandas as pd
-
 from alignerf import testsets
-from alignerf.io import json_files, provenance
+from alignerf.io import csv_files, json_files, provenance
 from alignerf.verdict import kinds, report
 
 # A level's sign, which tells it without colours.
@@ -35,7 +33,8 @@ def read(folder):
 
 def how_right():
     """How far the verdict is to be trusted, in two sentences."""
-    table = pd.read_csv(ACCURACY, comment="#")
+    columns = ("capture", "read_as", "first", "first_of", "false_each")
+    table = csv_files.read(ACCURACY, columns=columns, head=5)
     table = table[table["read_as"] == "its renders"].set_index("capture")
     captures = table.drop("all").itertuples()
     each = ", ".join(f"{row.Index} {row.first} of {row.first_of}" for row in captures)

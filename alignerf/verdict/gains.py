@@ -3,6 +3,7 @@
 And what matches between photos say of the cameras that a fix has corrected.
 """
 
+import math
 from pathlib import Path
 
 import numpy as np
@@ -28,45 +29,34 @@ def of_table(path, timings, judgements=()):
     {method: acceptance.Judgement} of cameras that have moved.
     """
     table = csv_files.read(path, columns=COLUMNS)
-    known = set(table["test_set"])
-    # It is unknown of published rows.
-    moves = [
-        {name for name in ("cameras", "photos") if row[f"moves_{name}"] is True}
-        for row in table.to_dict("records")
-    ]
-    fair = [testsets.fairest(known, moved) for moved in moves]
-    own = (table["method"] == table["difference_to"]) & (
-        table["warping"] == scores.warping(0)
-    )
-    chosen = (table["test_set"] == fair) & ~own & table["difference_db"].notna()
     labels = dict(zip(table["method"], table["field"], strict=True))
-    gains = []
-    for row in table[chosen].itertuples():
+    gains, known = [], {*table["test_set"]}
+    for row in table.itertuples():
+        is_base = (row.method, row.warping) == (row.difference_to, scores.warping(0))
+        # What it moves is unknown of published rows.
+        pairs = ("cameras", row.moves_cameras), ("photos", row.moves_photos)
+        moves = {what for what, is_moved in pairs if is_moved is True}
+        fair = row.test_set == testsets.fairest(known, moves)
+        if is_base or not fair or math.isnan(row.difference_db):
+            continue
         timing, judgement = timings.get(row.method), dict(judgements).get(row.method)
+        changed = "cameras corrected" if moves == {"cameras"} else "warped"
+        name = scores.row_name(row.method, row.warping, changed)
+        if timing:
+            # What a method that aligns itself is, besides what its baseline is.
+            baseline = f"{labels.get(row.difference_to)}, "
+            name = f"{name}, {str(row.field).removeprefix(baseline)}"
         gains.append(
             Gain(
-                *(name_of(row, labels, bool(timing)), row.difference_db),
+                *(name, row.difference_db),
                 *(row.difference_low_db, row.difference_high_db),
-                *(row.total_time_s / 60, row.method, row.moves_cameras, row.test_set),
+                *(row.total_time_s / 60, row.method, "cameras" in moves, row.test_set),
                 cameras_moved=cameras_moved(timing) if timing else None,
-                warped=row.moves_photos,
+                warped="photos" in moves,
                 matches=judgement and judgement.told(),
             )
         )
     return gains
-
-
-def name_of(row, labels, in_loop):
-    """What a row of a table is called: its method, and what has changed.
-
-    labels: {method: its `methods.label`}. Of a method that aligns itself: all that its
-    label says besides its baseline's.
-    """
-    cameras = row.moves_cameras is True and row.moves_photos is not True
-    changed = "cameras corrected" if cameras else "warped"
-    name = scores.row_name(row.method, row.warping, changed)
-    base = f"{labels.get(row.difference_to)}, "
-    return f"{name}, {str(row.field).removeprefix(base)}" if in_loop else name
 
 
 def cameras_moved(timing):
