@@ -33,20 +33,6 @@ CROPS_QUALITY = 90
 CROPS_BYTES = 1_500_000
 
 
-class Source(NamedTuple):
-    """Where the layers of a split's views lie."""
-
-    split: str
-    # (folder of renders, folder of flow), round by round.
-    rounds: list
-    warped: Path | None
-    truth: Path | None = None
-    # {method: the same two folders} of methods beside the rounds.
-    others: dict | None = None
-    # The method of the rounds.
-    method: str = ""
-
-
 class Shown(NamedTuple):
     """A photo on the page.
 
@@ -66,8 +52,8 @@ class Shown(NamedTuple):
         return f"{self.row.split}/{self.row.view}"
 
 
-def of_view(row, source: Source, photos, limit_px, turns=0):
-    """`Shown` of a photo; layers that its split lacks are left out."""
+def of_view(row, sources, folder, base, limit_px, turns=0):
+    """`Shown` of a photo; sources: of its split, as `sources_of` finds them."""
     name = row.view
 
     def image(folder):
@@ -77,34 +63,16 @@ def of_view(row, source: Source, photos, limit_px, turns=0):
         path = Path(folder) / f"{name}.npz"
         return lambda: coloured(*read_flow(path, turns), limit_px)
 
-    layers, renders = {"photo": image(photos)}, {}
-    for after, words, (render, shift) in of_rounds(source):
+    layers = {"photo": image(folder / "images")}
+    for after, (_, render, shift) in sources.items():
         layers[f"render{after}"] = image(render)
         layers[f"flow{after}"] = flow(shift)
-        renders[f"render{after}"] = words
-    if source.warped is not None:
-        layers["warped photo"] = image(source.warped)
-    if source.truth is not None:
-        layers["truth"] = image(source.truth)
-    first = Path(source.rounds[0][1]) / f"{name}.npz"
-    return Shown(row, turns, layers, renders, first)
-
-
-def of_rounds(source: Source):
-    """(what follows a layer's name, whose it is, its two folders): the first, the last.
-
-    And after these, methods beside the rounds.
-    """
-    last = len(source.rounds) - 1
-    fixed = bool(last > 0 or source.others)
-    words = f"by {source.method}" + ", before any fix" * fixed
-    found = [("", words, source.rounds[0])]
-    if last > 0:
-        words = f"by {source.method} after round {last}"
-        found.append((f" after round {last}", words, source.rounds[last]))
-    for name, folders in (source.others or {}).items():
-        found.append((f", {name}", f"by {name}", folders))
-    return found
+    layers["warped photo"] = image(base / "warped" / row.split)
+    truth = folder / "images" / "truth" / "oracle"
+    if row.split == "test" and truth.is_dir():
+        layers["truth"] = image(truth)
+    renders = {f"render{after}": words for after, (words, *_) in sources.items()}
+    return Shown(row, turns, layers, renders, Path(sources[""][2]) / f"{name}.npz")
 
 
 def read_flow(path, turns=0):
@@ -184,11 +152,9 @@ def shown(folder, rounds, others, base, limit_px, whose=None):
     whose: what the reference is called; None: by its name.
     """
     turns = contents.quarter_turns(folder)
-    sources = sources_of(folder, rounds, others, base, whose)
+    sources = sources_of(rounds, others, base, f"by {whose or base.parent.name}")
     return [
-        of_view(
-            row, sources[row.split], folder / "images", limit_px, turns.get(row.view, 0)
-        )
+        of_view(row, sources[row.split], folder, base, limit_px, turns.get(row.view, 0))
         for row in pictures.in_order(scored(folder, sources))
     ]
 
@@ -211,25 +177,25 @@ def scored(folder, splits):
     ]
 
 
-def sources_of(folder, rounds, others, base, whose=None):
-    """{split: `Source`} of the splits whose views were rendered."""
-    truth = folder / "images" / "truth" / "oracle"
-    method = whose or base.parent.name
+def sources_of(rounds, others, base, by):
+    """{split: {what follows a layer's name: (whose, in words, renders, flow)}}.
+
+    Of the splits that were rendered: the first round, the last, and methods beside the
+    rounds. by: whose the rounds are.
+    """
     found = {}
     if rounds:
-        found["test"] = Source(
-            "test",
-            rounds,
-            base / "warped" / "test",
-            truth if truth.is_dir() else None,
-            others,
-            method,
-        )
+        last = f" after round {len(rounds) - 1}"
+        several = len(rounds) > 1
+        found["test"] = {
+            "": (by + ", before any fix" * bool(several or others), *rounds[0])
+        }
+        if several:
+            found["test"][last] = (by + last, *rounds[-1])
+        for name, folders in (others or {}).items():
+            found["test"][f", {name}"] = (f"by {name}", *folders)
     if (base / "renders" / "train").is_dir():
-        first = [(base / "renders" / "train", base / "flow" / "train")]
-        found["train"] = Source(
-            "train", first, base / "warped" / "train", method=method
-        )
+        found["train"] = {"": (by, base / "renders" / "train", base / "flow" / "train")}
     return found
 
 

@@ -377,3 +377,18 @@ def test_what_is_sure_is_cured_before_what_is_probable():
     # What points share says nothing beside poses that blur it.
     shared = e._replace(exposure_ev=0.0, shared_ev=3 * exposure.SHARED_EV)
     assert "exposure" not in cases.named(shared)
+
+
+@pytest.mark.parametrize("well", [WELL, THEIRS])
+def test_whatever_is_measured_what_is_named_is_shown_with_its_level(well, rng):
+    numbers = [key for key, one in WELL._asdict().items() if isinstance(one, float)]
+    numbers = [key for key in numbers if not key.startswith("photo_")]
+    for _ in range(200):
+        chosen = rng.choice(numbers, 5)
+        values = rng.choice([math.nan, 0.0, 0.2, 0.6, 3.0, 40.0], 5)
+        told = of(well._replace(**dict(zip(chosen, values, strict=True))))
+        named = [one["cause"] for one in told["findings"]]
+        sure = ("faulty", "likely")
+        assert named == [one["cause"] for one in told["causes"] if one["level"] in sure]
+        assert len(told["because"]) == len(named)
+        assert not {*"{}"} & {*" ".join([told["headline"], *told["because"]])}
