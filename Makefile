@@ -17,7 +17,7 @@
 # make test                 run the tests
 # make tools                run the slow tests: packaging, browser, benchmarks
 # make lint                 check the format and the style of code and workflow
-# make bench                measure speed and memory, into results/bench/
+# make bench                measure speed, into results/bench/
 # make peers PEERS=folder   compare with the code that the papers' authors released
 # make torture              try to break it for 20 minutes: bad files, links, kills
 # make docs                 rebuild the tables and figures of docs/ from docs/measured/
@@ -91,10 +91,16 @@ tools: $(VENV)/.installed
 	@pytest -n 2 --dist worksteal $(TOOLS)
 
 bench: $(VENV)/.installed
-	@python -m tools.bench $(if $(PEER),--peer $(PEER)) $(BENCH)
+	@python -m tools.bench.speed $(if $(PEER),--peer $(PEER)) $(BENCH)
 
 peers: $(VENV)/.installed
-	@python -m tools.peers "$(PEERS)"
+	@ALIGNERF_OPTIMISED=1 ALIGNERF_MULTINERF="$(wildcard $(PEERS)/multinerf)" \
+		ALIGNERF_MIPNERF="$(wildcard $(PEERS)/mipnerf)" \
+		ALIGNERF_NERFPLUSPLUS="$(wildcard $(PEERS)/nerfplusplus)" \
+		ALIGNERF_BARF="$(wildcard $(PEERS)/bundle-adjusting-NeRF)" \
+		pytest -n0 -q tests/alignerf/mipnerf360/test_multinerf.py \
+		tests/alignerf/mipnerf360/test_multinerf_model.py \
+		tests/alignerf/systems/test_official.py
 
 torture: $(VENV)/.installed
 	@TORTURE_CASES=300 TORTURE_SEED=$$(date +%Y%m%d) \

@@ -76,7 +76,8 @@ def main(argv=None):
             rows.append(row | {"rules": rules})
             write(args.out, rows)
             print(row, flush=True)
-    print(summary(pd.DataFrame(rows)))
+    right = sum(row["right"] == "yes" for row in rows)
+    print(f"{right} of {len(rows)} right")
 
 
 def digest():
@@ -300,22 +301,6 @@ def pixels(of, view, points):
     return distortion.distort_points(
         seen[:, :2] / seen[:, 2:], lens, of.distortion[view]
     )
-
-
-def summary(table):
-    """How often each case was named right, and the px before and after."""
-    table = table.assign(is_right=table["right"] == "yes")
-    by_case = table.groupby("case", sort=False).agg(
-        captures=("capture", "count"),
-        right=("is_right", "sum"),
-        planted_px=("planted_px", "median"),
-        left_px=("left_px", "median"),
-        left_worst_px=("left_worst_px", "max"),
-        wall_s=("wall_s", "median"),
-        cpu_s=("cpu_s", "median"),
-    )
-    count = table["is_right"].sum()
-    return f"{by_case.to_string()}\n{count} of {len(table)} right"
 
 
 if __name__ == "__main__":

@@ -5,10 +5,7 @@ peer, one for each pair of neighbours in time: a slow minute of the machine hits
 """
 
 import datetime
-import json
 import statistics
-import subprocess
-import sys
 import time
 
 import jax
@@ -20,19 +17,6 @@ def spread(values):
     """[median, least, largest] of one value or more."""
     values = [float(value) for value in values]
     return [statistics.median(values), min(values), max(values)]
-
-
-def elsewhere(module, request):
-    """The JSON that `python -m module request` prints last, in its own process."""
-    done = subprocess.run(
-        [sys.executable, "-m", module, json.dumps(request)],
-        cwd=provenance.ROOT,
-        capture_output=True,
-        text=True,
-    )
-    if done.returncode:
-        raise RuntimeError(f"{module} failed:\n{done.stderr}")
-    return json.loads(done.stdout.splitlines()[-1])
 
 
 def seconds(call):

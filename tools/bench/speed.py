@@ -1,10 +1,22 @@
 """Training and rendering rays/s, ours beside the peer's, of the same architecture.
 
+`make bench`, with PEER=... beside google-research/multinerf, prints a table and writes
+results/bench/speed.json: of each rate the median, the least and the largest.
 The peer's batches are drawn and cast to rays beforehand (it has a thread for that);
 ours are drawn within the step. A step of the peer's computes the statistics that it
 always does, and its rendering percentiles of depth; ours gives a depth too.
 """
 
+import argparse
+import json
+import os
+import sys
+from pathlib import Path
+
+import jax
+import pandas as pd
+
+from alignerf.io import atomic, faults, owned, provenance
 from alignerf.training import renderer
 from tools.bench import cases, measure, multinerf, ours, theirs
 
@@ -14,6 +26,30 @@ CASES = [
     ("published", cases.PUBLISHED, 128, (32, 16)),
 ]
 QUICK = [("tiny", cases.TINY, 16, (8, 8))]
+
+
+def main(argv=None):
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--peer", help="checkout of google-research/multinerf")
+    parser.add_argument("--repeats", type=int, default=7, help="odd: a median of")
+    parser.add_argument("--quick", action="store_true", help="tiny sizes: does it run")
+    out = provenance.ROOT / "results" / "bench"
+    parser.add_argument("--out", type=Path, default=out)
+    args = parser.parse_args(argv)
+    if args.repeats < 1:
+        raise ValueError(f"--repeats: {args.repeats} is less than 1")
+    owned.claim(args.out)
+    hardware = provenance.facts() | {
+        "cpu": provenance.processor(),
+        "cores": len(os.sched_getaffinity(0)),
+        "device": jax.devices()[0].device_kind,
+        "jax": jax.__version__,
+    }
+    rows = list(run(args))
+    print(pd.DataFrame(rows).to_string(index=False, float_format="%.4g"))
+    owned.put(args.out, ["speed.json"])
+    with atomic.replace_file(args.out / "speed.json") as path:
+        path.write_text(json.dumps({"hardware": hardware, "rows": rows}, indent=1))
 
 
 def run(options):
@@ -67,3 +103,7 @@ class Peer:
         self.train = trainings[best]
         variables, rays = self.train.variables(), self.train.view(0)
         self.render = lambda: self.train.peer.render(variables, rays)
+
+
+if __name__ == "__main__":
+    sys.exit(faults.run(main))

@@ -90,13 +90,6 @@ def test_an_evidence_outlives_the_table(tmp_path):
     assert found.matches is None
 
 
-def test_wilson_s_interval():
-    assert limits.wilson(0, 0) == (0.0, 1.0)
-    low, high = limits.wilson(19, 20)
-    assert (round(low, 3), round(high, 3)) == (0.764, 0.991)
-    assert limits.wilson(20, 20)[1] == pytest.approx(1.0)
-
-
 def test_limits_are_fitted_without_the_capture_that_they_judge(monkeypatch):
     """One capture whose exposure is 0.09 without a fault moves the others' limit."""
     monkeypatch.setattr(limits, "LIMITS", {(exposure, "EXPOSURE_EV"): 0.06})

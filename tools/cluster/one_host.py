@@ -1,11 +1,11 @@
-"""A Slurm cluster on this host: `python -m tools.cluster.one_host COMMAND...`.
+"""A Slurm cluster on this host.
 
 Sets up munged, slurmctld and a slurmd for each of some nodes in a folder of its own,
-runs the command, and takes all down again. /etc/slurm leads to that folder meanwhile:
-Snakemake's plugin hides SLURM_CONF from its jobs' srun. So a host that has a cluster is
-left alone. From the distribution's
-packages: `apt-get install slurmctld slurmd slurm-client munge`. Memory is held by
-control groups where root may make them, else by Slurm's own accounting.
+and takes all down again. /etc/slurm leads to that folder meanwhile: Snakemake's plugin
+hides SLURM_CONF from its jobs' srun. So a host that has a cluster is left alone. From
+the distribution's packages: `apt-get install slurmctld slurmd slurm-client munge`.
+Memory is held by control groups where root may make them, else by Slurm's own
+accounting.
 """
 
 import contextlib
@@ -15,7 +15,6 @@ import shutil
 import signal
 import socket
 import subprocess
-import sys
 import tempfile
 import time
 from pathlib import Path
@@ -247,14 +246,3 @@ def stop(folder, environ):
     for path in sorted(folder.glob("*.pid")):
         with contextlib.suppress(OSError, ValueError):
             os.kill(int(path.read_text()), signal.SIGTERM)
-
-
-def main():
-    if reason := missing():
-        sys.exit(f"error: {reason}")
-    with cluster() as found:
-        sys.exit(subprocess.run(sys.argv[1:], env=found.environ).returncode)
-
-
-if __name__ == "__main__":
-    main()

@@ -19,12 +19,11 @@ def watched():
 
 @pytest.mark.parametrize("source", grown.SOURCES)
 def test_folders_are_taken_as_they_grow(source, tmp_path):
-    found, _ = generated.finding_of(generated.Case(source, 5), tmp_path / "place")
-    assert found is None
     case = generated.Case(source, 5)
-    shutil.rmtree(tmp_path / "place")
-    keys, _ = generated.build(case, tmp_path / "place/in")
-    assert generated.run(case, keys, tmp_path / "place/out").fault is None
+    keys, _ = generated.build(case, tmp_path / "in")
+    done = generated.run(case, keys, tmp_path / "out")
+    assert done.fault is None
+    assert generated.judge(case, done, tmp_path) is None
 
 
 @pytest.mark.parametrize("source", grown.SOURCES)

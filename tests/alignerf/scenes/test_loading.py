@@ -1,10 +1,14 @@
 """Loading photos for training keeps one copy of them in memory."""
 
 import json
+import os
 import subprocess
 import sys
 
-from tools.bench import memory
+import numpy as np
+
+from alignerf.io import images
+from tools.bench import cases
 
 COUNT, WIDTH, HEIGHT = 60, 800, 600
 SCRIPT = """
@@ -31,7 +35,7 @@ print(json.dumps([resident("VmHWM") - before, placed.photos.nbytes]))
 
 
 def test_one_copy_of_the_photos_is_resident(root, tmp_path):
-    memory.write_scene(tmp_path / "scene", COUNT, WIDTH, HEIGHT)
+    write_scene(tmp_path / "scene", COUNT, WIDTH, HEIGHT)
     done = subprocess.run(
         [sys.executable, "-c", SCRIPT, tmp_path / "scene"],
         cwd=root,
@@ -42,3 +46,23 @@ def test_one_copy_of_the_photos_is_resident(root, tmp_path):
     taken, photos = json.loads(done.stdout)
     assert photos == COUNT * WIDTH * HEIGHT * 3
     assert 0.9 * photos < taken < 1.3 * photos
+
+
+def write_scene(folder, count, width, height):
+    """A prepared scene of `count` training views that share one file of noise."""
+    found = cases.orbit(count, 4, 4)
+    (folder / "images").mkdir(parents=True)
+    names = [f"view{number:04d}" for number in range(count)]
+    first = folder / "images" / f"{names[0]}.png"
+    images.write(first, cases.orbit(1, width, height).images[0])
+    for name in names[1:]:
+        os.link(first, folder / "images" / f"{name}.png")
+    np.savez(
+        folder / "cameras.npz",
+        pixtocams=np.tile(cases.orbit(1, width, height).pixtocams, (count, 1, 1)),
+        camtoworlds=found.camtoworlds,
+        names=names,
+        width=width,
+        height=height,
+        split=["train"] * count,
+    )
