@@ -98,7 +98,9 @@ def stale(experiment, scene, exports):
         step = getattr(rules, rule).make(types.SimpleNamespace(**of))
         code = sources.sources_of(*(step.modules or step.command[:1]))
         command = [*map(str, step.command)]
-        text = json.dumps([digest, code, command])
+        # Of single files that a stage reads besides, as results to compare with.
+        own = originals.digest(file.parent, filter(None, step.own.values()))
+        text = json.dumps([digest, code, command, own])
         digest = hashlib.sha256(text.encode()).hexdigest()
         made = made | {outputs[0]: digest}
         same = known.get(outputs[0]) == digest and all(map(os.path.exists, outputs))
@@ -115,8 +117,7 @@ def made_by(scene):
 def opened(scene, place):
     """A digest of all files that a scene is read from; place: its results."""
     keys = base.section(scene, "external_renders")
-    files = views.files_of(views.find(scene), keys)
-    return originals.digest(place, [*files, keys.get("before") or ""])
+    return originals.digest(place, views.files_of(views.find(scene), keys))
 
 
 def stages(experiment, scene, exports):

@@ -8,7 +8,8 @@ import time
 
 import pytest
 
-from alignerf.cli import light, workflow
+from alignerf.cli import configs, light, workflow
+from alignerf.experiment import check, plan
 from tests import judged_cases as cases
 
 # What is not installed by `pip install .[judge]`.
@@ -71,6 +72,28 @@ def test_snakemake_goes_on_with_it(judged, dry_run):
     code, said = dry_run(judged[0], "-n", "--configfile", config)
     assert code == 0, said
     assert "Nothing to be done" in said
+
+
+def test_what_is_stale_is_made_with_all_that_follows(judged, monkeypatch):
+    """Of what is gone, has another command or other files; touched, they are no other."""
+    monkeypatch.chdir(judged[0])
+    config = configs.read("results/mine.yaml")
+
+    def rules(**flow):
+        checked = check.checked(config | {"flow": config["flow"] | flow})
+        return [rule for rule, *_ in light.stale(plan.Experiment(checked), "mine", [])]
+
+    (judged[0] / "photos/v03.png").touch()
+    assert rules() == []
+    assert rules(kernel="cubic")[::6] == ["align", "page"]
+    page = (judged[0] / "results/mine/index.html").rename(judged[0] / "page")
+    assert rules() == ["page"]
+    page.rename(judged[0] / "results/mine/index.html")
+    render = judged[0] / "renders/v03.png"
+    render.rename(judged[0] / "v03.png")
+    assert rules()[0] == "poses"
+    (judged[0] / "v03.png").rename(render)
+    assert rules() == []
 
 
 def test_what_is_there_stays_and_what_is_not_is_made(judged, root):
