@@ -75,7 +75,7 @@ def test_snakemake_goes_on_with_it(judged, dry_run):
 
 
 def test_what_is_stale_is_made_with_all_that_follows(judged, monkeypatch):
-    """Of what is gone, has another command or other files; touched, they are no other."""
+    """Outputs are gone, the command is another, files are more than touched."""
     monkeypatch.chdir(judged[0])
     config = configs.read("results/mine.yaml")
 
