@@ -119,3 +119,10 @@ def test_who_judges_installs_no_more_than_that_imports():
 def test_who_trains_on_a_gpu_installs_what_trains():
     (train, jax) = project()["optional-dependencies"]["gpu"]
     assert (train, jax.startswith("jax[cuda12]")) == ("why-blurry[train]", True)
+
+
+def test_no_path_leads_out_of_the_checkout():
+    """Where data lies is a user's to say."""
+    for package in ("alignerf", "flow"):
+        for path in (ROOT / package).rglob("*.py"):
+            assert "../" not in path.read_text(), path

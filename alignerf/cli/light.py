@@ -117,7 +117,12 @@ def made_by(scene):
 def opened(scene, place):
     """A digest of all files that a scene is read from; place: its results."""
     keys = base.section(scene, "external_renders")
-    return originals.digest(place, views.files_of(views.find(scene), keys))
+    # The first stage says what is to be said of them.
+    logging.disable()
+    try:
+        return originals.digest(place, views.files_of(views.find(scene), keys))
+    finally:
+        logging.disable(logging.NOTSET)
 
 
 def stages(experiment, scene, exports):

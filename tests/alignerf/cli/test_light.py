@@ -64,6 +64,7 @@ def test_it_ends_with_the_verdict_and_a_line_a_step(judged):
     assert (folder / "results/mine/index.html").is_file()
     log = (folder / "results/mine/logs/poses.log").read_text()
     assert "8 pairs, renders named like the photos" in log
+    assert said.count("transforms.json: 8 of 8 photos are found by name") == 1
 
 
 def test_snakemake_goes_on_with_it(judged, dry_run):

@@ -5,7 +5,7 @@ import pytest
 
 from alignerf.experiment import jobs
 from alignerf.scenes import cameras
-from alignerf.training import compose, program, renderer
+from alignerf.training import compose, loop, program, renderer
 from tests import job_cases
 from tests import training_cases as cases
 
@@ -57,3 +57,7 @@ def test_a_renderer_is_traced_once_for_equal_methods(traced):
     render = renderer.make_renderer(compose.make_method(job_of()), params, 32, 12)
     render(views.pixtocams[0], views.camtoworlds[0])
     assert len(traced) == 2
+
+
+def test_no_more_steps_wait_than_several_devices_bear():
+    assert loop.FETCH_EVERY <= 16
