@@ -33,7 +33,6 @@ from alignerf.io import (
     machine,
     provenance,
 )
-from alignerf.scenes import photos
 from alignerf.scenes.external import views
 from alignerf.verdict import kinds
 
@@ -344,10 +343,9 @@ def report_of(work: Path, paths: Mapping[str, Path], cores: int | None) -> Repor
 
 def cameras_of(path: Path, folder: Path) -> dict[str, Any]:
     """The cameras of a file or folder that photos of a folder have, by their names."""
-    taken, cameras = views.taken(folder, path)
-    found, names = cameras.lenses, sorted(taken)
-    sizes = {name: photos.head(one).size for name, one in taken.items()}
-    poses = np.tile(np.eye(4), (len(names), 1, 1))
-    poses[:, :3] = [np.asarray(found[name].pose)[:3] for name in names]
-    camtopix = [found[name].at(sizes[name], name)[0] for name in names]
-    return {"names": names, "K": np.stack(camtopix), "camera_to_world": poses @ FLIP}
+    found = sorted(views.taken(folder, path).shots, key=lambda shot: shot.name)
+    poses = np.tile(np.eye(4), (len(found), 1, 1))
+    poses[:, :3] = [shot.pose for shot in found]
+    camtopix = np.stack([shot.at(shot.head.size, shot.name)[0] for shot in found])
+    names = [shot.name for shot in found]
+    return {"names": names, "K": camtopix, "camera_to_world": poses @ FLIP}

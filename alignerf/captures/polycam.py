@@ -23,6 +23,8 @@ CROP_PX = 15
 LENS, SIZE = ("fx", "fy", "cx", "cy"), ("width", "height")
 ROWS = [[f"t_{row}{column}" for column in range(4)] for row in range(3)]
 KINDS = dict.fromkeys([*LENS, *itertools.chain(*ROWS)], json_files.NUMBER)
+# Exports since November 2025 leave the size away.
+KINDS |= dict.fromkeys(SIZE, json_files.OrNone(json_files.NUMBER))
 
 
 class Polycam(posed.App):
@@ -80,9 +82,8 @@ class Polycam(posed.App):
             log.warning("%s: no camera of %s", inner, faults.some_names(left_out))
         shots.check_apart(found, inner / cameras)
         crop_px = CROP_PX if is_optimised(folder) else 0
-        return shots.views_of(
-            found, inner, crop_px=crop_px, masks=scene.get("masks")
-        ), left_out
+        own = shots.cameras(inner, found)
+        return shots.views_of(own, crop_px=crop_px, masks=scene.get("masks")), left_out
 
 
 def keyframes_of(folder):
@@ -110,20 +111,11 @@ def shot_of(name, photo, path):
     from alignerf.scenes.formats import shots
 
     content = json_files.read(path, KINDS)
-    # Exports since November 2025 leave the size away.
-    size = [content[key] for key in SIZE if key in content]
-    matrix = [[content[key] for key in row] for row in ROWS]
-    values = [content[key] for key in LENS]
-    for key in (*LENS, *SIZE, *itertools.chain(*ROWS)):
-        if key in content and not shots.is_number(content[key]):
-            raise ValueError(f"{path}: {key} is {faults.shown(content[key])}")
-    return shots.Shot(
-        name=name,
-        photo=photo,
-        camtopix=shots.pinhole(path, values, where="its camera"),
-        size=tuple(map(float, size)) if len(size) == len(SIZE) else None,
-        camtoworld=np.array(matrix, np.float64),
-    )
+    size = [float(content[key]) for key in SIZE if content.get(key) is not None]
+    pose = np.array([[content[key] for key in row] for row in ROWS], np.float64)
+    lens = shots.lens(path, "PINHOLE", [content[key] for key in LENS])
+    size = tuple(size) if len(size) == len(SIZE) else None
+    return shots.Shot(name, lens, pose, size, photo=photo)
 
 
 CAPTURE = Polycam()

@@ -21,6 +21,12 @@ log = logging.getLogger(__name__)
 
 METADATA, PHOTOS = ("metadata.json", "metadata"), ("rgb", "rgbd")
 DEPTH = "depth"
+KINDS = {
+    "poses": [json_files.vector(7)],
+    **dict.fromkeys("wh", json_files.OrNone(json_files.positive)),
+    "K": json_files.OrNone(json_files.vector(9)),
+    "perFrameIntrinsicCoeffs": json_files.OrNone([json_files.vector(4)]),
+}
 
 
 class Record3d(posed.App):
@@ -48,8 +54,8 @@ class Record3d(posed.App):
         frames, path = chosen(folder), first_of(folder, METADATA)
         if path is None:
             raise ValueError(f"{folder}: no metadata.json: it has Record3D's poses")
-        content = json_files.read(path, {"poses": list})
-        poses, size = content["poses"], size_of(path, content)
+        content = json_files.read(path, KINDS)
+        poses, sides = content["poses"], [content.get(key) for key in "wh"]
         left_out = [name_of(number) for number in frames if number >= len(poses)]
         if len(left_out) == len(frames):
             raise ValueError(f"{path}: poses: {len(poses)}, none of a photo")
@@ -57,17 +63,18 @@ class Record3d(posed.App):
             log.warning("%s: no pose of %s", path, faults.some_names(left_out))
         found = [
             shots.Shot(
-                name=name_of(number),
+                name_of(number),
+                lens_of(path, content, number),
+                pose_of(poses[number]),
+                tuple(map(float, sides)) if all(sides) else None,
                 photo=photo,
-                camtopix=lens_of(path, content, number),
-                size=size,
-                camtoworld=pose_of(path, poses[number], number),
             )
             for number, photo in frames.items()
             if number < len(poses)
         ]
         shots.check_apart(found, path)
-        return shots.views_of(found, folder, masks=scene.get("masks")), left_out
+        own = shots.cameras(path, found)
+        return shots.views_of(own, masks=scene.get("masks")), left_out
 
 
 def first_of(folder, names):
@@ -108,44 +115,33 @@ def name_of(number):
     return f"{number:06d}"
 
 
-def size_of(path, content):
-    """(width, height) that the intrinsics are of, or None: that of the photos."""
-    from alignerf.scenes.formats import shots
-
-    if "w" not in content and "h" not in content:
-        return None
-    values = shots.numbers(path, [content.get("w"), content.get("h")], "w and h", 2)
-    return float(values[0]), float(values[1])
-
-
 def lens_of(path, content, number):
-    """Intrinsics [3, 3] of a frame: its own, else those of all."""
+    """The lens of a frame: its own, else that of all."""
     import numpy as np
 
     from alignerf.scenes.formats import shots
 
     own = content.get("perFrameIntrinsicCoeffs")
     # Of another number of frames they are none of these.
-    if isinstance(own, list) and len(own) == len(content["poses"]):
-        where = f"perFrameIntrinsicCoeffs[{number}]"
-        values = shots.numbers(path, own[number], where, 4)
-        return shots.pinhole(path, values, where=where)
-    columns = shots.numbers(path, content.get("K"), "K", 9).reshape(3, 3)
+    if own and len(own) == len(content["poses"]):
+        return shots.lens(f"{path}: frame {number}", "PINHOLE", own[number])
+    if content.get("K") is None:
+        raise ValueError(f"{path}: no K in it")
+    columns = np.reshape(content["K"], (3, 3))
     if not np.allclose(columns[[0, 1, 0, 1, 2], [1, 0, 2, 2, 2]], [0, 0, 0, 0, 1]):
         raise ValueError(f"{path}: K is not fx 0 0, 0 fy 0, cx cy 1")
-    return shots.pinhole(path, columns[[0, 1, 2, 2], [0, 1, 0, 1]], where="K")
+    params = columns[[0, 1, 2, 2], [0, 1, 0, 1]]
+    return shots.lens(f"{path}: K", "PINHOLE", params)
 
 
-def pose_of(path, values, number):
+def pose_of(values):
     """Camera-to-world [3, 4] of a frame's seven numbers."""
     import numpy as np
 
     from alignerf.scenes.formats import shots
 
-    where = f"poses[{number}]"
-    values = shots.numbers(path, values, where, 7)
-    rotation = shots.rotation_of(values[:4])
-    return np.concatenate([rotation, values[4:, None]], axis=-1)
+    rotation = shots.rotation_of(np.array(values[:4], np.float64))
+    return np.concatenate([rotation, np.reshape(values[4:], (3, 1))], axis=-1)
 
 
 CAPTURE = Record3d()

@@ -17,6 +17,7 @@ log = logging.getLogger(__name__)
 
 PATTERN = "frame_*"
 LENS, POSE = "intrinsics", "cameraPoseARFrame"
+KINDS = {LENS: json_files.vector(9), POSE: json_files.vector(16)}
 # ARKit counts pixels from the middle of the first one, we from its corner.
 CENTRE_PX = 0.5
 # Of a photo's sides: no phone's optical axis is further from its middle.
@@ -58,7 +59,8 @@ class Scanner3d(posed.App):
         if left_out:
             log.warning("%s: no JSON of %s", folder, faults.some_names(left_out))
         shots.check_apart(found, folder)
-        return shots.views_of(found, folder, masks=scene.get("masks")), left_out
+        own = shots.cameras(folder, found)
+        return shots.views_of(own, masks=scene.get("masks")), left_out
 
 
 def shot_of(name, photo, path):
@@ -67,22 +69,16 @@ def shot_of(name, photo, path):
 
     from alignerf.scenes.formats import shots
 
-    content = json_files.read(path, {LENS: list, POSE: list})
-    lens = shots.numbers(path, content[LENS], LENS, 9).reshape(3, 3)
-    matrix = shots.numbers(path, content[POSE], POSE, 16).reshape(4, 4)
+    content = json_files.read(path, KINDS)
+    lens = np.reshape(content[LENS], (3, 3)).astype(np.float64)
     if not np.allclose(lens[[0, 1, 2, 2, 2], [1, 0, 0, 1, 2]], [0, 0, 0, 0, 1]):
         raise ValueError(f"{path}: {LENS} are not fx 0 cx, 0 fy cy, 0 0 1")
-    if not np.allclose(matrix[3], [0, 0, 0, 1]):
-        raise ValueError(f"{path}: {POSE}: its last row is not 0 0 0 1")
-    values = lens[[0, 1, 0, 1], [0, 1, 2, 2]]
-    check_middle(path, values[2:], photo)
-    return shots.Shot(
-        name=name,
-        photo=photo,
-        camtopix=shots.pinhole(path, values, where=LENS, centre_px=CENTRE_PX),
-        size=None,
-        camtoworld=matrix[:3],
-    )
+    rows = {POSE: np.reshape(content[POSE], (4, 4)).tolist()}
+    pose = shots.rows(path, POSE, rows, json_files.matrix(4, 4))
+    check_middle(path, lens[:2, 2], photo)
+    params = [*lens[[0, 1], [0, 1]], *(lens[:2, 2] + CENTRE_PX)]
+    lens = shots.lens(path, "PINHOLE", params)
+    return shots.Shot(name, lens, pose, photo=photo)
 
 
 def check_middle(path, centre, photo):

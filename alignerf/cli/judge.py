@@ -151,14 +151,14 @@ def render_splat(name, path, args):
             f"results/{name}: of another splat, or of one that has changed since: give "
             "another name (--name), or none"
         )
-    found, cameras = views.taken(*map(typed.at_home, (args.photos, args.cameras)))
+    cameras = views.taken(*map(typed.at_home, (args.photos, args.cameras)))
     if SPLATS.exists() and not SPLATS.is_dir():
         raise ValueError(f"{SPLATS}: not a folder: move it away")
     try:
         SPLATS.mkdir(parents=True, exist_ok=True)
         atomic.sweep(SPLATS)
         with light.interruptible():
-            told = splat.render(own, found, cameras, place, files, args.background)
+            told = splat.render(own, cameras, place, files, args.background)
     finally:
         results.remove_empty(SPLATS)
     print("{gaussians:,} Gaussians rendered, their world {world}".format(**told))

@@ -39,6 +39,18 @@ def list_of(count, kind):
     )
 
 
+def vector(count):
+    """The kind of a list of so many numbers."""
+    return list_of(count, NUMBER)
+
+
+def matrix(columns, *rows):
+    """The kind of a list of so many rows, or so many, of numbers."""
+    return lambda value: (
+        [vector(columns)] if isinstance(value, list) and len(value) in rows else ()
+    )
+
+
 def canonical(value):
     """Text of a value: equal values are equal text."""
     return json.dumps(value, sort_keys=True)
@@ -56,13 +68,9 @@ def read(path, kinds=None):
     return _read(path, lambda content: check(content, kinds or {}))
 
 
-def read_list(path):
-    """The list in a file; raises as `read`."""
-
-    def is_list(content):
-        check({"it": content}, {"it": list})
-
-    return _read(path, is_list)
+def read_list(path, kind=object):
+    """The list in a file, of entries of a kind; raises as `read`."""
+    return _read(path, lambda content: check_value(content, [kind], "entry"))
 
 
 def _read(path, check_it):

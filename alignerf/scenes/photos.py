@@ -21,7 +21,7 @@ import pillow_heif
 from PIL import ExifTags, Image
 
 from alignerf.io import faults, images
-from alignerf.scenes import distortion, photo_names, prepared
+from alignerf.scenes import distortion, photo_names, prepare, prepared
 
 log = logging.getLogger(__name__)
 
@@ -70,6 +70,11 @@ class Head(NamedTuple):
     camera: str = ""
     # Focal length by EXIF, in px of these rows; NaN where it has none.
     focal_px: float = np.nan
+
+    def lies_as(self, size):
+        """Whether turned upright, and only then, the photo has a size's shape."""
+        fits = [prepare.has_shape(one, size) for one in (self.size, self.size[::-1])]
+        return self.orientation in SIDEWAYS and fits == [False, True]
 
 
 def find_images(folder, others=()):
@@ -134,9 +139,13 @@ def meets(image):
     return seam < beside and 2 * seam < apart(left, np.roll(left, len(left) // 8))
 
 
-def by_view(paths, folder):
-    """{view: path} of files of a folder, sorted; ValueError for two of one view."""
-    names = photo_names.view_names([p.relative_to(folder).as_posix() for p in paths])
+def by_view(paths, folder, beside=()):
+    """{view: path} of files of a folder, sorted; ValueError for two of one view.
+
+    beside: paths in it of other files, which the views' names are not to be of.
+    """
+    inside = [path.relative_to(folder).as_posix() for path in paths]
+    names = photo_names.view_names([*{*inside, *beside}])
     found = {}
     for path in sorted(paths):
         name = names[path.relative_to(folder).as_posix()]

@@ -15,15 +15,13 @@ import cv2
 import numpy as np
 from jaxtyping import Float
 
-from alignerf.io import images, json_files, machine, progress
+from alignerf.io import images, machine, progress
 from alignerf.scenes import cameras, prepared
 
 # Under this no method of the analysis works: SSIM needs 11 pixels, flow more.
 MIN_SIZE_PX = 32
 # Rounding a photo's size at a smaller scale changes its shape by less than this.
 SAME_SHAPE = 1.02
-# Of the entries of a matrix in a file.
-LARGEST = 1e308
 # Of 170 megapixels a photo takes 0.7 GB: not one for each core.
 THREADS = 4
 # Of a mask that was resampled: less is a pixel that something else has touched.
@@ -117,27 +115,6 @@ def true_scale(given_size, true_size, *, where):
             f"camera's {given_width:g}x{given_height:g}"
         )
     return np.diag([*scale, 1.0])
-
-
-def matrix_of(value, *shapes):
-    """[rows, columns] float64 of lists of finite numbers, of one of these shapes.
-
-    None where the value is anything else, such as texts or truths.
-    """
-    if not isinstance(value, list) or not all(isinstance(row, list) for row in value):
-        return None
-    shape = len(value), len(value[0]) if value else 0
-    if shape not in shapes or any(len(row) != shape[1] for row in value):
-        return None
-    entries = [entry for row in value for entry in row]
-    if any(
-        isinstance(e, bool) or not isinstance(e, json_files.NUMBER) for e in entries
-    ):
-        return None
-    # A whole number of 400 digits has no floating one.
-    if not all(abs(entry) < LARGEST for entry in entries):
-        return None
-    return np.array(value, np.float64)
 
 
 def join(groups: list[PosedViews], *, masked) -> PosedViews:

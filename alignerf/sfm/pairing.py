@@ -30,39 +30,42 @@ ALIKE, FITS_PX = 1.4, 1.5
 TIMES, BETWEEN = np.geomspace(0.5, 2, 57), np.geomspace(0.975, 1.025, 21)
 
 
-def choose(where, cameras, folders):
-    """(index of the folder, cameras) that matches fit best; of those alike, the first.
+def choose(where, shots, folders):
+    """(index of the folder, shots) that matches fit best; of those alike, the first.
 
-    cameras: {name: (camtopix, (width, height), pose, distortion)} of the file `where`;
-    folders: {name: path} each. What comes back may have no distortion: then the photos
-    are undistorted already. Nothing is matched where a pinhole has one folder.
+    shots: `formats.shots.Shot`s of the file `where`, sized; folders: {name: path} each.
+    What comes back may have no distortion: then the photos are undistorted already.
+    Nothing is matched where a pinhole has one folder.
     """
-    straight = all(distortion.is_pinhole(one[3]) for one in cameras.values())
+    straight = all(distortion.is_pinhole(shot.lens[1]) for shot in shots)
     if straight and len(folders) == 1:
-        return 0, cameras
-    sizes = {name: one[1] for name, one in cameras.items()}
-    usual = prepare.usual_size(list(sizes.values()))
-    names = [n for n in sorted(cameras) if all(n in folder for folder in folders)]
-    names = [name for name in names if sizes[name] == usual and min(usual) > 0]
-    pairs = pairs_of(np.array([cameras[name][2] for name in names]).reshape(-1, 3, 4))
+        return 0, shots
+    usual = prepare.usual_size([shot.size for shot in shots])
+    some = [s for s in shots if all(s.name in folder for folder in folders)]
+    some = [shot for shot in some if shot.size == usual and min(usual) > 0]
+    some.sort(key=lambda shot: shot.name)
+    pairs = pairs_of(np.array([shot.pose for shot in some]).reshape(-1, 3, 4))
     if not len(pairs):
-        return 0, cameras
-    used = {names[i]: cameras[names[i]] for i in np.unique(pairs)}
-    place = {name: i for i, name in enumerate(used)}
-    pairs = frozenset((place[names[i]], place[names[j]]) for i, j in pairs)
+        return 0, shots
+    used, pairs = np.unique(pairs, return_inverse=True)
+    used, pairs = [some[i] for i in used], pairs.reshape(-1, 2).tolist()
     every = [
-        matched(tuple(faults.resolved(folder[name]) for name in used), usual, pairs)
+        matched(
+            tuple(faults.resolved(folder[shot.name]) for shot in used),
+            usual,
+            frozenset(map(tuple, pairs)),
+        )
         for folder in folders
     ]
     if not all(found and found.count() >= MIN_MATCHES for found in every):
-        return 0, cameras
+        return 0, shots
     trials = [(k, None) for k in range(len(folders))]
     if not straight:
         trials += [(k, 1.0) for k in range(len(folders))]
         trials += [(k, focal_of(found, used)) for k, found in enumerate(every)]
     errors = [error_px(every[k], with_lens(used, times)) for k, times in trials]
     if min(errors) > FITS_PX:
-        return 0, cameras
+        return 0, shots
     best = next(i for i, error in enumerate(errors) if error <= ALIKE * min(errors))
     k, times = trials[best]
     if best or len(folders) > 1:
@@ -72,18 +75,20 @@ def choose(where, cameras, folders):
         if times not in (None, 1.0):
             told += f", and their focal length is {times:.3f} times the lens's"
         log.info("%s: %s (matches: %.2g px)", where, told, errors[best])
-    return k, with_lens(cameras, times)
+    return k, with_lens(shots, times)
 
 
-def with_lens(cameras, times):
-    """The cameras as pinholes of so many times the focal length; None: as they are."""
+def with_lens(shots, times):
+    """The shots with pinholes of so many times the focal length; None: as they are."""
     if times is None:
-        return cameras
+        return shots
     each = np.array([times, times, 1.0])
-    return {
-        name: (np.where(np.eye(3), each * camtopix, camtopix), size, pose, np.zeros(5))
-        for name, (camtopix, size, pose, _) in cameras.items()
-    }
+    return [
+        shot._replace(
+            lens=(np.where(np.eye(3), each * shot.lens[0], shot.lens[0]), np.zeros(5))
+        )
+        for shot in shots
+    ]
 
 
 def pairs_of(camtoworlds):
@@ -128,27 +133,28 @@ def matched(paths, size, pairs):
         return matches.read(database, ids, (width, height), seed=0)
 
 
-def focal_of(found, cameras):
+def focal_of(found, shots):
     """Of how many times their focal length pinholes fit the matches best."""
 
     def best(of):
-        return min(of, key=lambda times: error_px(found, with_lens(cameras, times)))
+        return min(of, key=lambda times: error_px(found, with_lens(shots, times)))
 
     return float(best(best(TIMES) * BETWEEN))
 
 
-def error_px(found, cameras):
+def error_px(found, shots):
     """Median epipolar error of matches by cameras, in px of the small photos."""
-    camtopix, size, poses, lenses = zip(*cameras.values(), strict=True)
-    ratios = np.diag([found.width / size[0][0], found.height / size[0][1], 1.0])
-    camtopix = ratios @ np.array(camtopix)
+    size = shots[0].size
+    ratios = np.diag([found.width / size[0], found.height / size[1], 1.0])
+    camtopix = ratios @ np.array([shot.lens[0] for shot in shots])
     straight = []
-    for xy, one, lens in zip(found.keypoints, camtopix, lenses, strict=True):
-        points = distortion.camera(one, lens).cam_from_img(xy)
+    for xy, one, shot in zip(found.keypoints, camtopix, shots, strict=True):
+        points = distortion.camera(one, shot.lens[1]).cam_from_img(xy)
         # What lies behind a wide lens has no place in a pinhole's photo.
         points[~(np.abs(points) < np.tan(distortion.MAX_ANGLE))] = np.nan
         straight.append(points @ one[:2, :2].T + one[:2, 2])
     views, xy = found._replace(keypoints=straight).places()
-    errors = calibration.errors_px(views, xy, np.linalg.inv(camtopix), np.array(poses))
+    poses = np.array([shot.pose for shot in shots])
+    errors = calibration.errors_px(views, xy, np.linalg.inv(camtopix), poses)
     seen = errors[np.isfinite(errors)]
     return float(np.median(seen)) if len(seen) >= MIN_MATCHES else np.inf

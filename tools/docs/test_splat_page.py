@@ -48,7 +48,7 @@ def here(tmp_path, monkeypatch):
     data = tmp_path / "DATA"
     lens = {"lens": np.zeros(5)}
     cases.transforms(data / "transforms.json", **lens)
-    cameras = lenses.read(data / "transforms.json", SIZE)
+    cameras = lenses.read(data / "transforms.json")
     rng = np.random.default_rng(0)
     table = splat_cases.columns(rng, rest=0, count=3000)
     means = rng.uniform([-3, -3, -6], [4, 3, -4], (3000, 3))
@@ -56,14 +56,14 @@ def here(tmp_path, monkeypatch):
     table |= {f"scale_{i}": np.full(3000, np.log(0.05)) for i in range(3)}
     table["opacity"] = np.full(3000, 4.0)
     gaussians = ply.read(splat_cases.write(tmp_path / "point_cloud.ply", table))
-    for name, own in cameras.lenses.items():
+    for own in cameras.shots:
         at = rasterize.Camera(
             splat.world_to_camera(own.pose, np.eye(4)),
             *(CAMTOPIX[0, 0], CAMTOPIX[1, 1], *CAMTOPIX[:2, 2]),
             *SIZE,
         )
         image = likeness.to_bytes(rasterize.render(gaussians, at).colour)
-        cases.write_png(data / name, image)
+        cases.write_png(data / own.name, image)
     write_model(data / "sparse" / "0", cameras)
     return tmp_path
 
@@ -75,11 +75,12 @@ def write_model(folder, cameras):
     words = " ".join(map(str, values))
     (folder / "cameras.txt").write_text(f"1 PINHOLE {SIZE[0]} {SIZE[1]} {words}\n")
     rows = []
-    for i, (name, own) in enumerate(cameras.lenses.items(), 1):
+    for i, own in enumerate(cameras.shots, 1):
         pose = splat.world_to_camera(own.pose, np.eye(4))
         x, y, z, w = pycolmap.Rotation3d(pose[:, :3]).quat
         rows += [
-            f"{i} {w} {x} {y} {z} {' '.join(map(str, pose[:, 3]))} 1 {Path(name).name}",
+            f"{i} {w} {x} {y} {z} {' '.join(map(str, pose[:, 3]))} 1 "
+            f"{Path(own.name).name}",
             "",
         ]
     (folder / "images.txt").write_text("\n".join(rows) + "\n")

@@ -22,6 +22,8 @@ import numpy as np
 from alignerf.io import atomic, faults, images, json_files, owned, progress
 from alignerf.scenes import distortion, originals, photo_names, photos, prepare
 from alignerf.scenes.external import lenses, likeness
+from alignerf.scenes.formats import shots
+from alignerf.scenes.programs import reading
 from alignerf.splats import ply, rasterize
 
 log = logging.getLogger("alignerf")
@@ -43,22 +45,18 @@ AS_TRAINED = "give photos, cameras and splat as they were in its training"
 OPENCV = np.diag([1.0, -1.0, -1.0])
 
 
-def render(
-    path, photo_paths, cameras: lenses.Cameras, folder, files=(), background=None
-):
-    """Write renders and depth of all photos with a camera; returns what is told of it.
+def render(path, cameras: shots.Cameras, folder, files=(), background=None):
+    """Write renders and depth of all photos of cameras; returns what is told of it.
 
-    photo_paths: {view: path}. files: all that these renders are made from, for `is_of`.
+    files: all that these renders are made from, for `is_of`.
     folder: gets rgb/<view>.png and depth/<view>.npy, in the unit of the cameras.
     background: as of `photos.decode`; renders without one are before black.
     Raises ValueError in one line for a file that is no splat, or one that does not show
     the photos from these cameras.
     """
     gaussians = ply.read(path)
-    views = {n: one for n, one in photo_paths.items() if n in cameras.lenses}
-    seen = of_one_shape(
-        [View(n, p, cameras.lenses[n], background) for n, p in sorted(views.items())]
-    )
+    views = sorted(cameras.shots, key=lambda shot: shot.name)
+    seen = of_one_shape([View(shot, background) for shot in views])
     few = some(seen, VIEWS)
     name, world, shows = world_of(path, gaussians, few, cameras)
     check_shown(path, gaussians, seen, world, shows)
@@ -121,21 +119,16 @@ def of_one_shape(seen):
 class View:
     """A photo and its lens, as a pinhole camera of the splat's world renders it."""
 
-    def __init__(self, name, path, lens: lenses.Lens, background=None):
-        self.name, self.path, self.lens = name, path, lens
+    def __init__(self, shot: shots.Shot, background=None):
+        self.name, self.path, self.pose = shot.name, shot.photo, shot.pose
         self.background = background
-        head = photos.head(path)
         # Of a photo whose rows are stored on its side, cameras may be of the other.
-        turned = lens.size and lens.size[::-1]
-        self.upright = head.orientation in photos.SIDEWAYS and bool(
-            turned
-            and prepare.has_shape(turned, head.size)
-            and not prepare.has_shape(lens.size, head.size)
-        )
-        self.photo_size = head.size[::-1] if self.upright else head.size
+        self.upright = min(shot.size) > 0 and shot.head.lies_as(shot.size)
+        size = shot.head.size
+        self.photo_size = size[::-1] if self.upright else size
         # Of the photo that most are like.
         self.usual = self.photo_size
-        self.camtopix, self.distortion = lens.at(self.photo_size, str(path))
+        self.camtopix, self.distortion = shot.at(self.photo_size, self.path)
 
     def size(self, longest_px):
         """(width, height) of a render; never larger than the usual photo."""
@@ -148,7 +141,7 @@ class View:
         fx, fy = self.camtopix[[0, 1], [0, 1]] * across
         cx, cy = self.camtopix[:2, 2] * across
         camera = rasterize.Camera(
-            world_to_camera(self.lens.pose, world), fx, fy, cx, cy, width, height
+            world_to_camera(self.pose, world), fx, fy, cx, cy, width, height
         )
         behind = photos.BACKGROUNDS.get(self.background, 0) / 255
         return rasterize.render(gaussians, camera, background=(behind,) * 3, **options)
@@ -244,11 +237,10 @@ def known_worlds(path, cameras):
         if world is not None:
             yield f"by the {lenses.GAUSSIANS} of its training", world
     for beside in above(path, NERFSTUDIO):
-        told = json_files.read(beside, {"transform": list, "scale": json_files.NUMBER})
-        moved, world = prepare.matrix_of(told["transform"], (3, 4)), np.eye(4)
-        if moved is not None:
-            world[:3] = told["scale"] * moved
-        if moved is None or not 1e-9 < scale_of(world) < 1e9:
+        kinds = {"transform": json_files.matrix(4, 3), "scale": json_files.NUMBER}
+        told, world = json_files.read(beside, kinds), np.eye(4)
+        world[:3] = told["scale"] * np.array(told["transform"])
+        if not 1e-9 < scale_of(world) < 1e9:
             raise ValueError(f"{beside}: 'transform' and 'scale' are no similarity")
         yield f"by {beside.name}", world
         yield f"by {beside.name}, without applied_transform", world @ back
@@ -265,7 +257,7 @@ def trained_by(path):
     """The cameras that the trainer has written beside a splat, or None."""
     # Those of another scene are no reason to stop: they are not asked for.
     with contextlib.suppress(ValueError, StopIteration):
-        return lenses.of_program(next(above(path, lenses.GAUSSIANS)), None)
+        return reading.cameras_of(next(above(path, lenses.GAUSSIANS)))
     return None
 
 
@@ -275,20 +267,22 @@ def trained_px(path):
     Rendered larger, it has less detail than the photos, which is no misalignment.
     """
     theirs = trained_by(path)
-    sizes = [max(lens.size) for lens in theirs.lenses.values()] if theirs else []
+    sizes = [max(shot.size) for shot in theirs.shots] if theirs else []
     return max(sizes, default=math.inf)
 
 
 def similarity(own, theirs):
     """The world [4, 4] in which cameras of the same photos are theirs; None of few.
 
-    own: by view; theirs: as their file calls photos.
+    own: with photos; theirs: as their file calls them.
     """
-    pairs = photo_names.match(theirs.lenses, list(own.views))
+    paths = {str(shot.photo.relative_to(own.root)): shot.pose for shot in own.shots}
+    their = {shot.name: shot.pose for shot in theirs.shots}
+    pairs = photo_names.match(their, list(paths))
     if len(pairs) < MIN_CAMERAS:
         return None
-    poses = np.stack([own.lenses[own.views[name]].pose for name in pairs.values()])
-    to = np.stack([theirs.lenses[name].pose for name in pairs])
+    poses = np.stack([paths[path] for path in pairs.values()])
+    to = np.stack([their[name] for name in pairs])
     left, _, right = np.linalg.svd(
         np.einsum("nij,nkj->ik", to[..., :3], poses[..., :3])
     )

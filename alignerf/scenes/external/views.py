@@ -19,7 +19,7 @@ from alignerf.io import faults, images, json_files
 from alignerf.scenes import loading, photo_names, photos, prepare, prepared
 from alignerf.scenes.external import depths, geometry, layouts, lenses, renders
 from alignerf.scenes.external import splat as splats
-from alignerf.scenes.formats import colmap_models
+from alignerf.scenes.formats import colmap_models, shots
 
 log = logging.getLogger("alignerf")
 
@@ -50,21 +50,23 @@ class ExternalRenders(NamedTuple):
 
     pairs: list
     size: tuple
-    cameras: lenses.Cameras
+    cameras: shots.Cameras
     told: dict
 
 
 def find(config) -> ExternalRenders:
     """The pairs of a scene's keys. Raises ValueError in one line."""
     judged = base.section(config, "external_renders")
-    paths, cameras = taken(config["path"], judged["cameras"], judged["renders"])
+    cameras = taken(config["path"], judged["cameras"], judged["renders"])
+    of_views = {shot.name: shot for shot in cameras.shots}
+    paths = {name: shot.photo for name, shot in of_views.items()}
     every = config.get("test_every")
     found = renders.find(judged["renders"], paths, cameras.splits, every)
     if every:
         splits = layouts.every_nth(layouts.in_order(paths), every)
-        of_views = found.renders.items()
-        of_views = {n: one._replace(split=splits[n]) for n, one in of_views}
-        found = found._replace(renders=of_views)
+        each = found.renders.items()
+        each = {n: one._replace(split=splits[n]) for n, one in each}
+        found = found._replace(renders=each)
     without = sorted(set(paths) - set(found.renders))
     if without:
         log.warning(
@@ -73,7 +75,7 @@ def find(config) -> ExternalRenders:
         )
     size, odd = one_size(found.renders)
     pairs = [
-        pair_of(name, paths[name], found.renders[name], cameras.lenses[name], size)
+        pair_of(of_views[name], found.renders[name], size, cameras.kind)
         for name in sorted(found.renders)
         if name not in odd
     ]
@@ -100,7 +102,7 @@ def held_out(every, found, cameras):
 
 
 def taken(folder, file=None, apart=None):
-    """({view: path}, `lenses.Cameras` of these views) of a folder of photos.
+    """`shots.Cameras` with the photos of a folder, by the names of their views.
 
     file: of the cameras, or their folder; None where nothing is known of them. apart: a
     folder whose images are no photos, unless there are no others. Photos without a
@@ -111,42 +113,8 @@ def taken(folder, file=None, apart=None):
     if apart:
         others = [p for p in paths if not (place / p).is_relative_to(apart)]
         paths = others or paths
-    if file is None:
-        named = {path: path for path in paths}
-        cameras = lenses.assumed(paths)
-    else:
-        cameras = lenses.read(file, photos.head(place / paths[0]).size)
-        found = photo_names.match(cameras.lenses, paths, file)
-        named = {name: found[name] for name in cameras.lenses if name in found}
-        left_out = {
-            "cameras have no photo": (
-                cameras.lenses.keys() - named.keys(),
-                cameras.lenses,
-            ),
-            "photos have no camera": (set(paths) - set(named.values()), paths),
-        }
-        for what, (names, whole) in left_out.items():
-            if named and names:
-                log.warning(
-                    "%s: %d of %d %s, and are left out: %s",
-                    *(file, len(names), len(whole)),
-                    *(what, faults.some_names(sorted(names))),
-                )
-    if not named:
-        raise ValueError(
-            f"{file}: its cameras ({faults.some_names(sorted(cameras.lenses))}) are of "
-            f"other photos than those of {folder} ({faults.some_names(paths)})"
-        )
-    views, found = photo_names.view_names(paths), {}
-    for path in named.values():
-        name = views[path]
-        if name in found or not prepared.is_name(name):
-            raise ValueError(
-                f"{place}: {faults.name_of(path)}: rename this file"
-                + f": {name} is the view name of another" * (name in found)
-            )
-        found[name] = place / path
-    return found, cameras.of({name: views[path] for name, path in named.items()})
+    own = lenses.read(file) if file else lenses.assumed(paths)
+    return shots.placed(own, [place], among=paths, partial=True)
 
 
 def photos_of(folder):
@@ -184,19 +152,15 @@ def one_size(found):
     return usual, odd
 
 
-def pair_of(name, path, render, lens, size) -> Pair:
+def pair_of(shot, render, size, kind) -> Pair:
     """A view; rows of its photo as stored, or upright where only that fits the render.
 
     EXIF's orientation is applied by some programs and not by others.
     """
-    head = photos.head(path)
-    upright, own = False, head.size
-    turned = own[::-1] if head.orientation in photos.SIDEWAYS else own
-    fits = prepare.has_shape(turned, size) and not prepare.has_shape(own, size)
-    if turned != own and fits:
-        upright, own = True, turned
-    camtopix, coefficients = lens.at(own, f"{path}")
-    return Pair(name, path, upright, render, (camtopix, coefficients), own, lens.pose)
+    upright = shot.head.lies_as(size)
+    own = shot.head.size[::-1] if upright else shot.head.size
+    lens = lenses.guessed(own) if kind == lenses.NONE else shot.at(own, shot.photo)
+    return Pair(shot.name, shot.photo, upright, render, lens, own, shot.pose)
 
 
 def files_of(judged: ExternalRenders, keys):
@@ -404,6 +368,6 @@ def of_depth(config, judged: ExternalRenders, views):
             )
         paths = {name: str(path) for name, path in paths.items()}
         return {"depth": "given", "depths": paths}
-    if judged.cameras.kind == "none" or views.points is None:
+    if judged.cameras.kind == lenses.NONE or views.points is None:
         return {"depth": "far"}
     return {"depth": "points"}

@@ -12,16 +12,13 @@ applied: COLMAP did not see it either.
 """
 
 import logging
-import struct
 from pathlib import Path
 
 import numpy as np
-import pycolmap
 
-from alignerf.io import archives, faults
-from alignerf.scenes import cameras as scene_cameras
-from alignerf.scenes import colmap, photos, prepare
-from alignerf.scenes.formats import shots
+from alignerf.io import archives
+from alignerf.scenes import photos, prepare
+from alignerf.scenes.formats import colmap_models, shots
 
 log = logging.getLogger(__name__)
 
@@ -30,8 +27,6 @@ NUMBERS = 17
 LLFF_FROM_OPENGL = np.array([[0.0, -1, 0], [1, 0, 0], [0, 0, 1]])
 # Both files print the focal length of one model in full: others differ by more.
 SAME_FOCAL = 1e-3
-# Of a file of one camera.
-MAX_BYTES = 2**20
 
 
 def read(folder, chosen=None, masks=None) -> prepare.PosedViews:
@@ -44,25 +39,28 @@ def read(folder, chosen=None, masks=None) -> prepare.PosedViews:
     folder = Path(folder)
     path = folder / "poses_bounds.npy"
     rows, bounds = _read_rows(path)
-    images = _find_photos(chosen or images_of(folder))
+    chosen = chosen or images_of(folder)
+    # By the whole file name, as LLFF sorts: stems alone put a before a-1.
+    images = sorted(photos.find_images(chosen).items(), key=lambda one: one[1].name)
     if len(images) != len(rows):
         raise ValueError(
-            f"{path} has {len(rows)} rows, but "
-            f"{next(iter(images.values())).parent} {len(images)} images"
+            f"{path} has {len(rows)} rows, but {chosen} {len(images)} images"
         )
-    where = [f"{path}: row {i} ({name})" for i, name in enumerate(images)]
-    cameras_bin = folder / "sparse" / "0" / "cameras.bin"
-    cameras = _cameras(cameras_bin, rows[:, :, 4], where)
-    turns = rows[:, :, :3] @ LLFF_FROM_OPENGL
-    poses = np.concatenate([turns, rows[:, :, 3:4]], axis=-1)
-    poses = scene_cameras.nearest_rotations(path, list(images), poses)
-    own = [
-        shots.Shot(name, image, camtopix, size, pose, coefficients)
-        for (name, image), (camtopix, coefficients, size), pose in zip(
-            images.items(), cameras, poses, strict=True
-        )
-    ]
-    return shots.views_of(own, cameras_bin, masks=masks)._replace(bounds=bounds)
+    model, found = folder / "sparse" / "0" / "cameras.bin", []
+    camera = _read_camera(model) if model.is_file() else None
+    if camera is None:
+        log.warning("%s not found: no lens distortion is undone", model)
+    for i, ((name, photo), row) in enumerate(zip(images, rows, strict=True)):
+        height, width, focal = row[:, 4]
+        where, size = f"{path}: row {i} ({name})", (width, height)
+        if camera:
+            _check_same_camera(size, focal, camera, where, model)
+        lens = shots.lens(where, "SIMPLE_PINHOLE", [focal, width / 2, height / 2])
+        pose = np.concatenate([row[:, :3] @ LLFF_FROM_OPENGL, row[:, 3:4]], axis=-1)
+        lens, size = camera or (lens, size)
+        found.append(shots.Shot(name, lens, pose, size, photo=photo))
+    own = shots.cameras(path, found)._replace(where=model)
+    return shots.views_of(own, masks=masks)._replace(bounds=bounds)
 
 
 def _read_rows(path):
@@ -88,66 +86,29 @@ def _read_rows(path):
 
 def images_of(folder):
     """The folder of the photos of the largest size there is."""
-    chosen = folder / "images"
-    if not chosen.is_dir():
-        smaller = {
-            int(number): path
-            for path in folder.glob("images_*")
-            if path.is_dir()
-            and (number := path.name.removeprefix("images_")).isdecimal()
-        }
-        if not smaller:
-            raise ValueError(f"{folder}: neither a folder images nor an images_<n>")
-        chosen = smaller[min(smaller)]
+    places = [folder / "images", *shots.smaller_of(folder)]
+    chosen = next(filter(Path.is_dir, places), None)
+    if chosen is None:
+        raise ValueError(f"{folder}: neither a folder images nor an images_<n>")
     log.info("%s: photos from %s", folder, chosen.name)
     return chosen
 
 
-def _find_photos(chosen):
-    """{view: path} of the photos in the order of the rows."""
-    # By the whole file name, as LLFF sorts: stems alone put a before a-1.
-    found = photos.find_images(chosen)
-    return dict(sorted(found.items(), key=lambda item: item[1].name))
-
-
-def _cameras(cameras_bin, sizes_and_focals, where):
-    """(camtopix, distortion, (width, height)) of each row [h, w, focal_px]."""
-    if cameras_bin.is_file():
-        camera = _read_camera(cameras_bin)
-        _check_same_camera(sizes_and_focals, camera, where, cameras_bin)
-        return [camera] * len(sizes_and_focals)
-    log.warning("%s not found: no lens distortion is undone", cameras_bin)
-    return [
-        (np.array([[f, 0, w / 2], [0, f, h / 2], [0, 0, 1]]), np.zeros(5), (w, h))
-        for h, w, f in sizes_and_focals
-    ]
-
-
 def _read_camera(path):
-    """(camtopix [3, 3], distortion [5], (width, height)) of the one COLMAP camera."""
-    content = faults.content(path, MAX_BYTES)
-    try:
-        (count,) = struct.unpack_from("<Q", content)
-        if count != 1:
-            raise ValueError(f"{count} cameras, but poses_bounds.npy means one")
-        _, model, width, height = struct.unpack_from("<iiQQ", content, 8)
-        params = np.frombuffer(content, "<f8", offset=32)
-        known = {
-            int(one): name for name, one in pycolmap.CameraModelId.__members__.items()
-        }
-        lens = colmap.lens(known.get(model, f"number {model}"), params)
-    except (struct.error, ValueError) as error:
-        raise ValueError(f"{path}: {error}") from None
-    return *lens, (width, height)
+    """(lens, (width, height)) of the one COLMAP camera."""
+    lenses = colmap_models.binary_lenses(path)
+    if len(lenses) != 1:
+        count = len(lenses)
+        raise ValueError(f"{path}: {count} cameras, but poses_bounds.npy means one")
+    return next(iter(lenses.values()))
 
 
-def _check_same_camera(sizes_and_focals, camera, where, path):
-    """Raise ValueError unless each row [h, w, focal_px] is of the camera in `path`."""
-    camtopix, _, (width, height) = camera
-    for (h, w, focal_px), place in zip(sizes_and_focals, where, strict=True):
-        prepare.true_scale((width, height), (w, h), where=f"{path}: {place}")
-        expected = camtopix[0, 0] * w / width
-        if not abs(focal_px - expected) <= SAME_FOCAL * expected:
-            raise ValueError(
-                f"{place}: focal length {focal_px:g} px, but {expected:g} in {path}"
-            )
+def _check_same_camera(size, focal_px, camera, where, path):
+    """ValueError unless a row's size and focal length are of the camera in `path`."""
+    lens, (width, height) = camera
+    prepare.true_scale((width, height), size, where=f"{path}: {where}")
+    expected = lens[0][0, 0] * size[0] / width
+    if not abs(focal_px - expected) <= SAME_FOCAL * expected:
+        raise ValueError(
+            f"{where}: focal length {focal_px:g} px, but {expected:g} in {path}"
+        )

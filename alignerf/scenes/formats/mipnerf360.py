@@ -10,8 +10,6 @@ sizes, not by n. Without a model, LLFF's poses_bounds.npy is read.
 import logging
 from pathlib import Path
 
-from alignerf.io import faults
-from alignerf.scenes import photo_names
 from alignerf.scenes.formats import colmap_models, llff, shots
 
 log = logging.getLogger(__name__)
@@ -29,23 +27,10 @@ def read(folder, images=None, masks=None, choose=None):
         chosen = folder / ("images" if images == 1 else f"images_{images}")
         if not chosen.is_dir():
             raise ValueError(f"{folder}: no folder {chosen.name}")
-    found = colmap_models.with_photos(folder, chosen, choose)
-    if found is None:
+    own = colmap_models.with_photos(folder, chosen, choose)
+    if own is None:
         return of_llff(folder, chosen, masks), []
-    used = set(found.photos.values())
-    # After the photo: a model's names may be paths of another system.
-    names = photo_names.view_names([p.relative_to(found.root).as_posix() for p in used])
-    own = [
-        shots.Shot(names[photo.relative_to(found.root).as_posix()], photo, *camera)
-        for name, camera in sorted(found.cameras.items())
-        if (photo := found.photos.get(name))
-    ]
-    views_there = photo_names.view_names(photo_names.listed(found.root))
-    left_out = [n for p, n in views_there.items() if found.root / p not in used]
-    if left_out:
-        log.warning("%s: no pose of %s", found.model, faults.some_names(left_out))
-    views = shots.views_of(own, found.model, masks=masks, root=found.root)
-    return views._replace(points=found.points), left_out
+    return shots.views_of(own, masks=masks), own.left_out
 
 
 def of_llff(folder, chosen, masks):

@@ -2,5 +2,5 @@
 
 A module reads one format. It has the program's `NAME`, `PATTERNS` of its files' names,
 a `MARK`, an expression that fits such a file's head, and `read(path)`, a list of
-`base.given`.
+`shots.Shot`.
 """

@@ -6,6 +6,7 @@ f = 0 have no pose. Format: snavely/bundler_sfm, README.md. COLMAP, VisualSFM an
 RealityCapture write it, too, and lists of other names.
 """
 
+import functools
 import re
 from pathlib import Path
 
@@ -13,7 +14,7 @@ import numpy as np
 
 from alignerf.io import faults
 from alignerf.scenes import cameras
-from alignerf.scenes.programs import base
+from alignerf.scenes.formats import shots
 
 NAME = "Bundler"
 PATTERNS = ("*.out",)
@@ -28,21 +29,28 @@ OF_CAMERA = 15
 def read(path):
     lines = faults.text(path, MAX_BYTES).splitlines()
     words = " ".join(line for line in lines if not line.startswith("#")).split()
-    count = int(base.numbers(path, words[:1], 1)[0])
+    count = int(shots.numbers(path, words[:1], 1)[0])
     if not 0 < count <= len(words) // OF_CAMERA:
         raise ValueError(f"{path}: cut short: {count} cameras are to be in it")
     found = []
     for i, name in enumerate(names_of(Path(path), count)):
         where = f"{path}: {faults.name_of(name)}"
         own = words[2 + OF_CAMERA * i :][:OF_CAMERA]
-        focal, k1, k2, *rest = base.numbers(where, own, OF_CAMERA)
+        focal, k1, k2, *rest = shots.numbers(where, own, OF_CAMERA)
         if focal == 0:
             continue
         turn, shift = np.reshape(rest[:9], (3, 3)), np.array(rest[9:])
-        pose = base.pose(turn.T @ cameras.OPENGL_FROM_OPENCV, -turn.T @ shift)
-        lens = base.lens(where, "RADIAL", [focal, 0.0, 0.0, k1, k2])
-        found.append(base.given(name, lens, None, pose))
+        flip = cameras.OPENGL_FROM_OPENCV
+        lens = functools.partial(of_middle, where=where, numbers=(focal, k1, k2))
+        pose = shots.pose_from(flip @ turn, flip @ shift)
+        found.append(shots.Shot(name, lens, pose, is_own=True))
     return found
+
+
+def of_middle(size, where, numbers):
+    """The `Shot.lens` of a focal length, k1 and k2."""
+    focal, *bent = numbers
+    return shots.lens(where, "RADIAL", [focal, size[0] / 2, size[1] / 2, *bent])
 
 
 def names_of(path, count):

@@ -4,37 +4,27 @@ Pinholes, whose principal point is the middle; a rotation is camera-to-world wit
 OpenCV's axes (`camera_to_JSON` of graphdeco-inria/gaussian-splatting).
 """
 
-from alignerf.io import json_files
-from alignerf.scenes import prepare
-from alignerf.scenes.programs import base
+from alignerf.io import faults, json_files
+from alignerf.scenes.formats import shots
 
 NAME = "3D Gaussian splatting"
 PATTERNS = ("cameras.json",)
 MARK = b'"img_name"'
-KINDS = {
+ENTRY = {
     "img_name": str,
-    **dict.fromkeys(("width", "height", "fx", "fy"), json_files.NUMBER),
-    **dict.fromkeys(("position", "rotation"), list),
+    **dict.fromkeys(("width", "height", "fx", "fy"), json_files.positive),
+    "position": json_files.vector(3),
+    "rotation": json_files.matrix(3, 3),
 }
 
 
 def read(path):
     found = []
-    for i, entry in enumerate(json_files.read_list(path)):
-        where = f"{path}: camera {i}"
-        try:
-            json_files.check(entry, KINDS)
-        except ValueError as error:
-            raise ValueError(f"{where}: {error}") from None
-        size = width, height = float(entry["width"]), float(entry["height"])
-        if not (1 <= width <= 1e6 and 1 <= height <= 1e6):
-            raise ValueError(f"{where}: its size is none")
-        turn = prepare.matrix_of(entry["rotation"], (3, 3))
-        place = prepare.matrix_of([entry["position"]], (1, 3))
-        if turn is None or place is None:
-            raise ValueError(f"{where}: its rotation or position is none")
-        params = [entry["fx"], entry["fy"], width / 2, height / 2]
-        lens = base.lens(where, "PINHOLE", params)
-        pose = base.pose(turn, place)
-        found.append(base.given(entry["img_name"], lens, size, pose))
+    for one in json_files.read_list(path, ENTRY):
+        where = f"{path}: {faults.name_of(one['img_name'])}"
+        size = width, height = float(one["width"]), float(one["height"])
+        lens = [one["fx"], one["fy"], width / 2, height / 2]
+        lens = shots.lens(where, "PINHOLE", lens)
+        pose = shots.pose(one["rotation"], one["position"])
+        found.append(shots.Shot(one["img_name"], lens, pose, size))
     return found

@@ -17,7 +17,7 @@ from xml.etree import ElementTree
 import numpy as np
 
 from alignerf.io import faults
-from alignerf.scenes.programs import base
+from alignerf.scenes.formats import shots
 
 log = logging.getLogger("alignerf")
 
@@ -55,10 +55,10 @@ def read(path):
             raise ValueError(f"{where}: no sensor {number}")
         if number not in lenses:
             lenses[number] = lens_of(f"{path}: sensor {number}", sensors[number])
-        values = base.numbers(where, camera.findtext("transform").split(), 16)
-        matrix = values.reshape(4, 4)
-        pose = base.pose(matrix[:3, :3], matrix[:3, 3])
-        found.append(base.given(name, *lenses[number], pose))
+        values = shots.numbers(where, camera.findtext("transform").split(), 16)
+        matrix, (lens, size) = values.reshape(4, 4), lenses[number]
+        pose = shots.pose(matrix[:3, :3], matrix[:3, 3])
+        found.append(shots.Shot(name, lens, pose, size))
     return found
 
 
@@ -101,11 +101,11 @@ def lens_of(where, sensor):
     if resolution is None:
         raise ValueError(f"{where}: no resolution")
     sides = [resolution.get(side, "") for side in ("width", "height")]
-    size = width, height = (*base.numbers(f"{where}: resolution", sides, 2).tolist(),)
+    size = width, height = (*shots.numbers(f"{where}: resolution", sides, 2).tolist(),)
 
     def value(name, default=0.0):
         text = calibration.findtext(name)
-        return default if text is None else base.numbers(where, [text], 1)[0]
+        return default if text is None else shots.numbers(where, [text], 1)[0]
 
     focal = value("f", None)
     fx, fy = value("fx", focal), value("fy", focal)
@@ -132,7 +132,7 @@ def lens_of(where, sensor):
         most = math.hypot(width, height) / 2 / min(fx, fy)
         k1, k2, *rest = of_fourth(where, ks, most, fx) if ks[3] else (*ks[:3], 0, 0, 0)
         model, params = "FULL_OPENCV", [*params, k1, k2, p1, p2, *rest]
-    return base.lens(where, model, list(map(float, params))), size
+    return shots.lens(where, model, params), size
 
 
 def of_fourth(where, ks, most, focal_px):

@@ -7,48 +7,35 @@ google/nerfies, README.md and nerfies/camera.py.
 
 from pathlib import Path
 
-from alignerf.io import faults, json_files
-from alignerf.scenes import prepare
+from alignerf.io import json_files
 from alignerf.scenes.formats import shots
-from alignerf.scenes.programs import base
 
 NAME = "Nerfies"
 PATTERNS = ("dataset.json",)
 MARK = b'"ids"'
-NUMBERS = ("focal_length", "pixel_aspect_ratio", "skew")
-LISTS = {
-    "principal_point": 2,
-    "radial_distortion": 3,
-    "tangential_distortion": 2,
-    "position": 3,
-    "image_size": 2,
+CAMERA = {
+    **dict.fromkeys(("focal_length", "pixel_aspect_ratio"), json_files.NUMBER),
+    "skew": lambda value: json_files.NUMBER if value == 0 else (),
+    "orientation": json_files.matrix(3, 3),
+    **dict.fromkeys(("position", "radial_distortion"), json_files.vector(3)),
+    **dict.fromkeys(
+        ("principal_point", "tangential_distortion", "image_size"), json_files.vector(2)
+    ),
 }
-KINDS = dict.fromkeys(NUMBERS, json_files.NUMBER)
-KINDS |= dict.fromkeys((*LISTS, "orientation"), list)
 
 
 def read(path):
     folder, found = Path(path).parent, []
     sizes = [p.name for p in folder.glob("rgb/*x") if p.name[:-1].isdecimal()]
     largest = min(sizes, key=lambda name: int(name[:-1]), default="1x")
-    for name in json_files.read(path, {"ids": list})["ids"]:
-        if not isinstance(name, str):
-            raise ValueError(f"{path}: ids: {faults.shown(name)} is no text")
+    for name in json_files.read(path, {"ids": [str]})["ids"]:
         file = folder / "camera" / f"{name}.json"
-        content = json_files.read(file, KINDS)
-        turn = prepare.matrix_of(content["orientation"], (3, 3))
-        if turn is None or content["skew"]:
-            fault = (
-                "orientation is not 3x3 numbers" if turn is None else "skew is not 0"
-            )
-            raise ValueError(f"{file}: {fault}")
-        centre, (k1, k2, k3), (p1, p2), place, size = (
-            shots.numbers(file, content[key], key, count).tolist()
-            for key, count in LISTS.items()
-        )
-        fx = content["focal_length"]
-        lens = [fx, fx * content["pixel_aspect_ratio"], *centre, k1, k2, p1, p2, k3]
-        lens = base.lens(file, "FULL_OPENCV", [*lens, 0.0, 0.0, 0.0])
-        pose = base.pose(turn.T, place)
-        found.append(base.given(f"rgb/{largest}/{name}.png", lens, tuple(size), pose))
+        own = json_files.read(file, CAMERA)
+        fx, (k1, k2, k3) = own["focal_length"], own["radial_distortion"]
+        lens = [fx, fx * own["pixel_aspect_ratio"], *own["principal_point"]]
+        lens += [k1, k2, *own["tangential_distortion"], k3, 0, 0, 0]
+        lens = shots.lens(file, "FULL_OPENCV", lens)
+        turn, size = zip(*own["orientation"], strict=True), tuple(own["image_size"])
+        pose = shots.pose([*turn], own["position"])
+        found.append(shots.Shot(f"rgb/{largest}/{name}.png", lens, pose, size))
     return found

@@ -8,9 +8,7 @@ src/openMVG/sfm/sfm_data_io_cereal.cpp and cameras/*_io.hpp.
 import numpy as np
 
 from alignerf.io import faults, json_files
-from alignerf.scenes import prepare
 from alignerf.scenes.formats import shots
-from alignerf.scenes.programs import base
 
 NAME = "openMVG"
 PATTERNS = ("sfm_data*.json",)
@@ -22,6 +20,11 @@ LENSES = {
     "disto_t2": (5, "FULL_OPENCV"),
     "fisheye": (4, "OPENCV_FISHEYE"),
 }
+
+
+LENS = dict.fromkeys(("width", "height"), json_files.positive)
+LENS |= {"focal_length": json_files.NUMBER, "principal_point": json_files.vector(2)}
+POSE = {"rotation": json_files.matrix(3, 3), "center": json_files.vector(3)}
 
 
 def read(path):
@@ -49,34 +52,23 @@ def data_of(entry):
 
 
 def given(path, view, lens, pose):
+    parts = (str(view.get(key, "")).strip("/") for key in ("local_path", "filename"))
+    name = "/".join(filter(None, parts))
     where = f"{path}: {faults.shown(view['filename'])}"
     if "focal_length" not in lens:
         raise ValueError(f"{where}: no lens of a focal length, as of a panorama")
-    focal = lens["focal_length"]
-    centre = [*shots.numbers(where, lens["principal_point"], "principal_point", 2)]
     key = next((key for key in LENSES if key in lens), None)
-    if key is None:
-        model, params = "PINHOLE", []
-    else:
-        count, model = LENSES[key]
-        params = [*shots.numbers(where, lens[key], key, count)]
-    if key == "disto_k1":
-        params = [focal, *centre, *params]
-    else:
-        if model == "FULL_OPENCV":
-            k1, k2, k3, *t = params
-            params = [k1, k2, *(t or (0.0, 0.0)), k3, 0.0, 0.0, 0.0]
-        params = [focal, focal, *centre, *params]
-    turn = prepare.matrix_of(pose["rotation"], (3, 3))
-    if turn is None:
-        raise ValueError(f"{where}: its rotation is none")
-    place = shots.numbers(where, pose["center"], "center", 3)
-    size = shots.numbers(where, [lens["width"], lens["height"]], "size", 2)
-    parts = (str(view.get(key, "")).strip("/") for key in ("local_path", "filename"))
-    name = "/".join(filter(None, parts))
-    return base.given(
-        name,
-        base.lens(where, model, params),
-        tuple(np.array(size).tolist()),
-        base.pose(turn.T, place),
+    count, model = LENSES.get(key, (0, "PINHOLE"))
+    json_files.check(
+        lens, LENS | ({key: json_files.vector(count)} if key else {}), where
     )
+    json_files.check(pose, POSE, where)
+    params = lens[key] if key else []
+    if model == "FULL_OPENCV":
+        k1, k2, k3, *t = params
+        params = [k1, k2, *(t or (0.0, 0.0)), k3, 0.0, 0.0, 0.0]
+    focals = [lens["focal_length"]] * (1 if key == "disto_k1" else 2)
+    own = shots.lens(where, model, [*focals, *lens["principal_point"], *params])
+    turn = np.transpose(pose["rotation"])
+    size = float(lens["width"]), float(lens["height"])
+    return shots.Shot(name, own, shots.pose(turn, pose["center"]), size)

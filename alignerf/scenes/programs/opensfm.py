@@ -10,7 +10,6 @@ import numpy as np
 
 from alignerf.io import faults, json_files
 from alignerf.scenes.formats import shots
-from alignerf.scenes.programs import base
 
 NAME = "OpenSfM"
 PATTERNS = ("reconstruction*.json",)
@@ -26,6 +25,10 @@ LENSES = {
     "spherical": ("EQUIRECTANGULAR", ()),
     "equirectangular": ("EQUIRECTANGULAR", ()),
 }
+
+
+SIZE = dict.fromkeys(("width", "height"), json_files.positive)
+POSE = dict.fromkeys(("rotation", "translation"), json_files.vector(3))
 
 
 def read(path):
@@ -47,7 +50,9 @@ def read(path):
 
 
 def given(where, name, camera, shot):
-    size = shots.numbers(where, [camera["width"], camera["height"]], "size", 2)
+    json_files.check(camera, SIZE, where)
+    json_files.check(shot, POSE, where)
+    size = width, height = float(camera["width"]), float(camera["height"])
     projection, longest = camera["projection_type"], max(size)
     if projection not in LENSES:
         raise ValueError(
@@ -58,18 +63,12 @@ def given(where, name, camera, shot):
     focal = camera.get("focal")
     lens = [camera.get(key, focal) for key in ("focal_x", "focal_y")]
     lens += [camera.get(key, 0.0) for key in ("c_x", "c_y")]
-    if projection in ("perspective", "fisheye"):
-        lens = [focal, *lens[2:]]
+    lens = [focal, *lens[2:]] if projection in ("perspective", "fisheye") else lens
+    bent = [camera.get(key, 0.0) for key in keys]
     if model != "EQUIRECTANGULAR":
-        lens = shots.numbers(where, lens, "focal length and centre", len(lens))
+        json_files.check_value([*lens, *bent], [json_files.NUMBER], f"{where}: lens")
         lens = [longest * value for value in lens]
-        lens[-2:] = np.array(lens[-2:]) + size / 2
-    lens += [camera.get(key, 0.0) for key in keys]
-    turn = cv2.Rodrigues(shots.numbers(where, shot["rotation"], "rotation", 3))[0]
-    shift = shots.numbers(where, shot["translation"], "translation", 3)
-    return base.given(
-        name,
-        base.lens(where, model, lens),
-        tuple(size.tolist()),
-        base.pose(turn.T, -turn.T @ shift),
-    )
+        lens[-2:] = lens[-2] + width / 2, lens[-1] + height / 2
+    turn = cv2.Rodrigues(np.array(shot["rotation"], np.float64))[0]
+    lens = shots.lens(where, model, [*lens, *bent])
+    return shots.Shot(name, lens, shots.pose_from(turn, shot["translation"]), size)

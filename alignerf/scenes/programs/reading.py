@@ -8,7 +8,6 @@ from alignerf.io import faults
 from alignerf.scenes import photo_names, photos
 from alignerf.scenes.formats import shots
 from alignerf.scenes.programs import (
-    base,
     bundler,
     gaussians,
     metashape,
@@ -56,7 +55,7 @@ def find(folder):
 def cameras_in(path):
     """The number of cameras in a file that have a pose; 0 of one that is broken."""
     try:
-        return len(read(path))
+        return len(cameras_of(path).shots)
     except ValueError:
         return 0
 
@@ -98,19 +97,12 @@ def tell_unread(folder):
         log.info("%s: places (GPS) are not read: poses come from COLMAP", folder)
 
 
-def read(path):
-    """The cameras in a file [base.given]; ValueError naming it where there are none."""
-    module = reader_of(path)
-    if module is None:
+def cameras_of(path) -> shots.Cameras:
+    """The cameras in a file; ValueError naming it where there are none."""
+    path = Path(path)
+    if (module := reader_of(path)) is None:
         raise ValueError(f"{path}: cameras of no program that is known")
-    found = module.read(path)
-    if not found:
-        raise ValueError(f"{path}: no camera has a pose")
-    names = [one.name for one in found]
-    if len({*names}) < len(names):
-        twice = next(name for name in names if names.count(name) > 1)
-        raise ValueError(f"{path}: two cameras have the name {faults.shown(twice)}")
-    return found
+    return shots.cameras(path, module.read(path), f"{path.name} of {module.NAME}")
 
 
 def views_of(folder, masks=None):
@@ -122,27 +114,11 @@ def views_of(folder, masks=None):
     if path is None:
         raise ValueError(f"{folder}: no cameras of a program that is known")
     try:
-        given = {one.name: one for one in read(path)}
+        own = shots.placed(cameras_of(path), [folder])
     except ValueError as error:
         raise ValueError(f"{error}. {WITHOUT}") from None
-    listed = photo_names.listed(folder)
-    found = photo_names.match(given, listed, where=path)
-    missing = [name for name in given if name not in found]
-    if len(missing) > photo_names.MAX_MISSING * len(given):
-        raise ValueError(
-            f"{path}: {len(missing)} of {len(given)} photos that it names are not in "
-            f"{folder}: {faults.some_names(missing)}. {WITHOUT}"
-        )
-    if missing:
-        log.warning("%s: no photo of %s", path, faults.some_names(missing))
-    names = photo_names.view_names(listed)
-    left_out = sorted(names[one] for one in {*listed} - {*found.values()})
-    if left_out:
-        log.warning("%s: no pose of %s", path, faults.some_names(left_out))
-    own, taken = [], sorted(found.items(), key=lambda pair: pair[1])
-    for name, place in shots.evenly(taken, path) if reader_of(path) is tum else taken:
-        photo = folder / place
-        shot = given[name]._replace(name=names[place], photo=photo)
-        own.append(base.sized(shot, photos.head(photo).size))
-    log.info("%s: cameras of %s", path, reader_of(path).NAME)
-    return shots.views_of(own, path, masks=masks, root=folder), left_out
+    log.info("%s: cameras of %s", path, own.kind)
+    if reader_of(path) is tum:
+        taken = sorted(own.shots, key=lambda shot: shot.photo)
+        own = own._replace(shots=shots.evenly(taken, path))
+    return shots.views_of(own, masks=masks), own.left_out

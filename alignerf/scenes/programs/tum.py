@@ -15,7 +15,6 @@ import numpy as np
 from alignerf.io import faults
 from alignerf.scenes import photo_names, photos
 from alignerf.scenes.formats import shots
-from alignerf.scenes.programs import base
 
 NAME = "TUM"
 PATTERNS = ("*ground*truth*.txt", "*[Tt]raj*.txt", "*.tum")
@@ -27,7 +26,7 @@ LENS = "fx fy cx cy k1 k2 p1 p2 k3"
 
 def read(path):
     path = Path(path)
-    poses = np.array([base.numbers(*line, 8) for line in lines(path)])
+    poses = np.array([shots.numbers(*line, 8) for line in lines(path)])
     times = times_of(path)
     if not times:
         raise ValueError(
@@ -39,8 +38,8 @@ def read(path):
         nearest = int(np.abs(poses[:, 0] - time).argmin())
         values = poses[nearest, 1:]
         if abs(poses[nearest, 0] - time) < NEAR_S:
-            pose = base.pose(shots.rotation_of(values[3:]), values[:3])
-            found.append(base.given(name, lens, size, pose))
+            pose = shots.pose(shots.rotation_of(values[3:]), values[:3])
+            found.append(shots.Shot(name, lens, pose, size))
     if not found:
         raise ValueError(f"{path}: no pose within {NEAR_S} s of any photo's time")
     return found
@@ -60,7 +59,7 @@ def times_of(path):
     if (table := folder / "rgb.txt").is_file():
         rows = {}
         for at, words in lines(table):
-            time = base.numbers(at, words[:1], 1)[0]
+            time = shots.numbers(at, words[:1], 1)[0]
             if rows.setdefault(words[-1], time) != time:
                 raise ValueError(f"{at}: a second time of {faults.name_of(words[-1])}")
         named = photo_names.match(rows, listed, table)
@@ -84,5 +83,5 @@ def lens_of(path):
     words = [word for _, words in lines(file) for word in words]
     if len(words) not in (4, 8, 9):
         raise ValueError(f"{file}: {len(words)} numbers, not `fx fy cx cy` or `{LENS}`")
-    values = base.numbers(file, words, len(words)).tolist()
-    return base.lens(file, "FULL_OPENCV", values + [0.0] * (12 - len(values)))
+    values = shots.numbers(file, words, len(words)).tolist()
+    return shots.lens(file, "FULL_OPENCV", values + [0.0] * (12 - len(values)))

@@ -102,12 +102,13 @@ def test_wrong_poses_are_adjusted_and_written_in_every_format(
     assert said in capsys.readouterr().out
     # nerfstudio's file and COLMAP's model have one set of cameras.
     views, _ = transforms.read(out)
-    own, points = colmap_models.read(out / "sparse" / "0")
-    in_model = np.stack([own[f"{name}.png"][2] for name in views.names])
+    own = colmap_models.cameras_of(out / "sparse" / "0")
+    pose_of = {shot.name: shot.pose for shot in own.shots}
+    in_model = np.stack([pose_of[f"{name}.png"] for name in views.names])
     np.testing.assert_allclose(in_model, views.camtoworlds, atol=1e-6)
     true = arrays["camtoworlds"]
     assert error_deg(views.camtoworlds, true) < 0.15 * error_deg(given, true)
-    assert len(points[0]) > 100
+    assert len(own.points[0]) > 100
     assert (out / "points.ply").is_file()
     assert len(list((out / "images").glob("*.png"))) == VIEWS
     # Again, onto what is there, and without photos.

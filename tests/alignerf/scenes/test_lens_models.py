@@ -86,18 +86,18 @@ def test_maps_are_made_in_parts(monkeypatch):
 def test_a_transforms_json_has_the_rational_model(values):
     scene = {"camera_model": "FULL_OPENCV", "fl_x": 52.0, "w": WIDTH, "h": HEIGHT}
     scene |= {"k1": 0.3, "p1": 2e-3, "k4": 0.2, "omega": 7.0} | values
-    _, found = transforms.lens("x", scene, where="a")
+    _, found = transforms.lens_of("x: a", scene)((WIDTH, HEIGHT))
     named = {"k1": 0.3, "p1": 2e-3, "k4": 0.2} | values
     np.testing.assert_array_equal(found, distortion.of_model("FULL_OPENCV", named))
     scene["camera_model"] = "OPENCV"
     if values:
-        _, same = transforms.lens("x", scene, where="a")
+        _, same = transforms.lens_of("x: a", scene)((WIDTH, HEIGHT))
         np.testing.assert_array_equal(same, found)
     else:
-        with pytest.raises(ValueError, match="x: distortion 'k4' of a"):
-            transforms.lens("x", scene, where="a")
+        with pytest.raises(ValueError, match="x: a: distortion 'k4'"):
+            transforms.lens_of("x: a", scene)((WIDTH, HEIGHT))
     scene = {"camera_model": "FOV", "fl_x": 52.0, "omega": 0.9, "w": WIDTH, "h": HEIGHT}
-    _, found = transforms.lens("x", scene, where="a")
+    _, found = transforms.lens_of("x: a", scene)((WIDTH, HEIGHT))
     np.testing.assert_array_equal(found, distortion.of_model("FOV", {"omega": 0.9}))
 
 
@@ -105,4 +105,4 @@ def test_a_transforms_json_has_the_rational_model(values):
 def test_a_panorama_says_how(model):
     scene = {"camera_model": model, "fl_x": 52.0, "w": WIDTH, "h": HEIGHT}
     with pytest.raises(ValueError, match=r"x: a: EQUIRECTANGULAR.*cube faces"):
-        transforms.lens("x", scene, where="a")
+        transforms.lens_of("x: a", scene)((WIDTH, HEIGHT))

@@ -14,6 +14,7 @@ from alignerf.experiment.checks import scenes as of_scenes
 from alignerf.io import images
 from alignerf.scenes import distortion, prepare, prepared
 from alignerf.scenes.external import lenses
+from alignerf.scenes.external import views as judged
 from alignerf.scenes.formats import transforms
 from tests import camera_twins
 
@@ -146,11 +147,11 @@ def test_scaled_rotations_are_set_right_or_refused_wherever_they_are_read(
 
     by(1.03)
     np.testing.assert_allclose(transforms.read(path)[0].camtoworlds, exact, atol=1e-9)
-    judged = lenses.read(path, (WIDTH, HEIGHT)).lenses
-    np.testing.assert_allclose(judged["images/c.png"].pose, exact[0], atol=1e-9)
+    judged = lenses.read(path).shots
+    np.testing.assert_allclose(judged[0].pose, exact[0], atol=1e-9)
     assert caplog.text.count("by 3 %: the nearest are taken") == 2
     by(2)
-    for reader in (transforms.read, lambda path: lenses.read(path, (WIDTH, HEIGHT))):
+    for reader in (transforms.read, lenses.read):
         with pytest.raises(ValueError, match=r"json: its .* scaled by 2\.06: divide"):
             reader(path)
 
@@ -171,20 +172,19 @@ def test_two_cameras_never_have_one_photo(scene, name, key, caplog, rng):
     again = {**first, "file_path": name}
     lost = {**again, "transform_matrix": None}
     scene[1]["frames"] = [lost, *scene[1]["frames"], again, lost]
-    if name != "other/c.png":
-        views, left_out = read(scene)
-        np.testing.assert_array_equal(views.camtoworlds, exact)
-        assert left_out == ["gone"]
-        assert f"are there twice: the first is taken: {name}" in caplog.text
+    views, left_out = read(scene)
+    np.testing.assert_array_equal(views.camtoworlds, exact)
+    assert left_out == ["gone"]
+    assert f"are there twice: the first is taken: {name}" in caplog.text
     again[key] = pose(rng).tolist() if key == "transform_matrix" else 71.0
-    both = "differ in pose: images/c.png and {}|two poses: images_c and other_c"
-    with pytest.raises(ValueError, match=both.format(re.escape(name))):
+    both = f"one photo at two poses: images/c.png and {re.escape(name)}"
+    with pytest.raises(ValueError, match=both):
         read(scene)
     scene[1]["frames"] = scene[1]["frames"][1:-1]
     path.write_text(json.dumps(scene[1]))
     if name == first["file_path"]:
-        with pytest.raises(ValueError, match=both.format(name)):
-            lenses.read(path, (WIDTH, HEIGHT))
+        with pytest.raises(ValueError, match="one photo at two poses"):
+            judged.taken(scene[0], path)
 
 
 def test_cameras_are_read_as_written(scene, caplog):
@@ -192,7 +192,7 @@ def test_cameras_are_read_as_written(scene, caplog):
     views = prepare.sort_by_name(views)
     assert views.names == ["a", "b", "c"]
     assert left_out == ["gone"]
-    assert "1 of 4 frames" in caplog.text
+    assert "no photo of 1 of 4 cameras" in caplog.text
     assert "gone.png" in caplog.text
     np.testing.assert_allclose(np.linalg.inv(views.pixtocams[0]), CAMTOPIX)
     for i, frame in enumerate([1, 2, 0]):
@@ -236,7 +236,7 @@ def test_a_number_chooses_among_the_folders_of_photos(scene):
     # Poses of the file have its transform already.
     pose_of_a = np.array(content["frames"][1]["transform_matrix"])[:3]
     np.testing.assert_allclose(views.camtoworlds[0], pose_of_a, atol=1e-9)
-    with pytest.raises(ValueError, match="has an image in folders _4"):
+    with pytest.raises(ValueError, match=r"images_4: no photo images/a\.png"):
         transforms.read(folder, images=4)
     config = {"source": "transforms", "path": str(folder), "images": 2}
     assert of_scenes.checked(config)["images"] == 2
@@ -281,8 +281,8 @@ def test_the_files_own_split_is_kept(scene, caplog):
     views = prepare.sort_by_name(views)
     assert (views.names, views.split.tolist()) == (["a", "c"], ["test", "train"])
     assert left_out == ["b", "gone"]
-    assert "neither trained on nor scored: b.png" in caplog.text
-    assert "no frame shows images/gone.png" in caplog.text
+    assert "neither trained on nor scored: b" in caplog.text
+    assert "no photo of 1 of 4 cameras: images/gone.png" in caplog.text
     # One list alone says nothing of the rest; and where they are not asked for.
     assert transforms.read(scene[0], split_by_lists=False)[0].split is None
     del content["train_filenames"]
@@ -301,7 +301,7 @@ def test_lists_find_their_frames_however_these_are_written(scene, name):
 @pytest.mark.parametrize(
     ("test", "named"),
     [
-        (["images/gone.png"], "no frame shows images/gone.png"),
+        (["images/gone.png"], "no photo images/gone.png"),
         (["images/c.png"], "c.png is to be trained on and scored"),
         ("images/a.png", "test_filenames"),
         ([1], "test_filenames"),
@@ -328,13 +328,13 @@ def change(content, path, value):
     ("path", "value", "named"),
     [
         (["frames"], None, "frames"),
-        (["frames"], [], "frames"),
-        (["frames", 0], "text", "frame 0"),
+        (["frames"], [], "no camera has a pose"),
+        (["frames", 0], "text", r"frames\[0\]"),
         (["frames", 0, "file_path"], None, "file_path"),
         (["frames", 0, "transform_matrix"], [[1, 2], [3]], "transform_matrix"),
         (["frames", 0, "transform_matrix"], np.diag([0, 0, 0, 1]).tolist(), "rotation"),
-        (["frames", 0, "w"], 64, "shape"),
-        (["frames", 0, "h"], -64, "positive"),
+        (["frames", 0, "w"], 64, "'w' and 'h' alone"),
+        (["frames", 0, "h"], -64, "'w' and 'h' alone"),
         (["fl_x"], None, "fl_x"),
         (["fl_x"], "70", "fl_x"),
         (["fl_x"], -70.0, "fl_x"),
@@ -345,13 +345,13 @@ def change(content, path, value):
         (["frames", 0, "transform_matrix", 0, 0], 10**400, "transform_matrix"),
         (["k4"], 0.1, "k4"),
         (["camera_model"], "EQUIRECTANGULAR", "EQUIRECTANGULAR"),
-        (["camera_model"], ["OPENCV"], "camera model"),
+        (["camera_model"], ["OPENCV"], "camera_model"),
         (["is_fisheye"], "false", "is_fisheye"),
         (["fl_x"], 0, "no lens has its 'fl_x', 0"),
         (["fl_y"], 0, "no lens has its 'fl_y', 0"),
         (["fl_y"], -1.5, "no lens has its 'fl_y'"),
         (["fl_y"], 5e-324, "no lens has its 'fl_y'"),
-        (["fl_x"], True, "must be a number"),
+        (["fl_x"], True, "fl_x is True"),
         (["frames", 0, "transform_matrix", 3], [0, 0, 0, 2], "last row"),
         (["frames", 0, "transform_matrix", 3], [0, 0, 1, 0], "last row"),
         (["frames", 0, "transform_matrix", 0, 3], True, "transform_matrix"),
@@ -413,8 +413,8 @@ def test_messages_are_short_and_print_whatever_the_file_holds(scene, path, name,
 
 def test_names_in_warnings_are_short_and_print(scene, caplog):
     for value in (LONG, FORGED):
-        scene[1]["frames"].append(scene[1]["frames"][0] | {"file_path": value})
-    read(scene)
+        scene[1]["frames"][3]["file_path"] = value
+        read(scene)
     for record in caplog.records:
         message = record.getMessage().replace(str(scene[0]), "")
         assert len(message) < 900
@@ -430,7 +430,7 @@ def test_files_that_are_no_scene(tmp_path, scene):
             transforms.read(tmp_path / "t.json")
     for name in ("a.png", "b.png", "c.png"):
         (tmp_path / "images" / name).unlink()
-    with pytest.raises(ValueError, match="none of its 4 frames"):
+    with pytest.raises(ValueError, match="no photo images/c"):
         read(scene)
 
 
@@ -447,7 +447,7 @@ def test_a_file_of_brackets_is_named(tmp_path):
         (["fl_x"], 1e29, "no lens has"),
         (["fl_x"], 1e-20, "no lens has"),
         (["cx"], 1e20, "principal point"),
-        (["frames", 0, "transform_matrix", 0, 3], 1e300, "not finite"),
+        (["frames", 0, "transform_matrix", 0, 3], 1e200, "not finite"),
     ],
 )
 def test_cameras_that_see_nothing_are_refused_with_the_file(scene, path, value, named):
@@ -459,12 +459,12 @@ def test_cameras_that_see_nothing_are_refused_with_the_file(scene, path, value, 
 
 def test_many_frames_without_an_image_take_seconds(scene):
     frame = scene[1]["frames"][0]
-    more = [frame | {"file_path": f"images/no{i}"} for i in range(99_996)]
+    more = [frame | {"file_path": f"images/no{i}"} for i in range(19_996)]
     scene[1]["frames"] += more
     started = time.perf_counter()
-    views, left_out = read(scene)
+    with pytest.raises(ValueError, match=r"no photo images/gone\.png.*19994 more"):
+        read(scene)
     assert time.perf_counter() - started < 20
-    assert (len(views.names), len(left_out)) == (3, 99_997)
 
 
 def test_fox(shared_data):

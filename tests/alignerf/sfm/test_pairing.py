@@ -11,6 +11,7 @@ from scipy.spatial.transform import Rotation
 from alignerf.captures import mipnerf360, transforms
 from alignerf.io import images
 from alignerf.scenes import cameras, distortion
+from alignerf.scenes.formats import shots
 from alignerf.sfm import pairing
 
 SIZE = WIDTH, HEIGHT = 256, 192
@@ -192,11 +193,12 @@ def test_without_anything_to_tell_the_first_folder_and_the_lens_stay(
     if kind == "wrong":
         folders = [{name: taken / "pinhole" / name for name in NAMES}]
         given[:, :, :3] = Rotation.random(COUNT, rng=rng).as_matrix()
-    cams = {
-        name: (CAMTOPIX, (0, 0) if kind == "empty" else SIZE, pose, lens)
+    size = (0, 0) if kind == "empty" else SIZE
+    cams = [
+        shots.Shot(name, (CAMTOPIX, lens), pose, size)
         for name, pose in zip(NAMES, given, strict=True)
         if kind != "one" or name == NAMES[0]
-    }
+    ]
     k, found = pairing.choose("model", cams, folders)
     assert k == 0
     assert found is cams

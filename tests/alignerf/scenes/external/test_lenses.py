@@ -14,11 +14,12 @@ POINTS = np.array([[1.0, 2, 3], [-1, 0.5, 2]])
 def test_transforms(tmp_path):
     path = transforms(tmp_path / "transforms.json", train_filenames=[])
     for place in (path, tmp_path):
-        found = lenses.read(place, SIZE)
-        assert list(found.lenses) == [f"images/{name}.png" for name in NAMES]
-        assert found.splits is None
-        camtopix, distortion = found.lenses["images/v03.png"].at((80, 60), "v03")
-        np.testing.assert_allclose(camtopix[:2], CAMTOPIX[:2] / 2)
+        found = lenses.read(place)
+        names = [shot.name for shot in found.shots]
+        assert names == [f"images/{name}.png" for name in NAMES]
+        assert (found.splits, found.shots[3].size) == (None, SIZE)
+        camtopix, distortion = found.shots[3].of_size(SIZE)
+        np.testing.assert_allclose(camtopix, CAMTOPIX)
         np.testing.assert_allclose(distortion, LENS)
 
 
@@ -27,10 +28,10 @@ def test_splits_of_nerfstudio(tmp_path):
     files = [f"images/{name}.png" for name in NAMES]
     lists = {"train_filenames": files[2:], "val_filenames": files[:2]}
     transforms(tmp_path / "transforms.json", **lists)
-    found = lenses.read(tmp_path, SIZE).splits
+    found = lenses.read(tmp_path).splits
     assert found == {f: "train" if f not in files[:2] else "test" for f in files}
     transforms(tmp_path / "transforms.json", train_filenames=files[2:])
-    assert lenses.read(tmp_path, SIZE).splits is None
+    assert lenses.read(tmp_path).splits is None
 
 
 def entry(name, **more):
@@ -43,29 +44,28 @@ def test_gaussian_splatting(tmp_path):
     """Its axes are OpenCV's: what it calls forward is minus z of ours."""
     path = tmp_path / "cameras.json"
     path.write_text(json.dumps([entry("v00"), entry("v01.jpg")]))
-    found = lenses.read(tmp_path, SIZE)
-    assert sorted(found.lenses) == ["v00", "v01.jpg"]
-    pose = found.lenses["v00"].pose
+    found = lenses.read(tmp_path)
+    assert [shot.name for shot in found.shots] == ["v00", "v01.jpg"]
+    pose = found.shots[0].pose
     np.testing.assert_allclose(pose[:, 3], [1, 2, 3])
     np.testing.assert_allclose(-pose[:, 2], [0, -1, 0])
-    np.testing.assert_allclose(found.lenses["v00"].camtopix[:2, 2], [80, 60])
+    np.testing.assert_allclose(found.shots[0].lens[0][:2, 2], [80, 60])
 
 
 @pytest.mark.parametrize(
     ("content", "says"),
     [
-        ([entry("v00"), entry("v00")], "two cameras have the name 'v00'"),
-        ([entry("v00", fx=-1)], "camera 0: a PINHOLE camera of"),
+        ([entry("v00", fx=-1)], r"entry\[0\]\.fx is -1"),
         (
             [entry("v00", rotation=[[1, 0], [0, 1]])],
-            "camera 0: its rotation or position is none",
+            r"entry\[0\]\.rotation is \[\[1",
         ),
         (
             [entry("v00", rotation=np.ones((3, 3)).tolist())],
             "rotation of 'v00' is none",
         ),
-        ([entry(3)], "camera 0: img_name is 3"),
-        ([entry("v00"), 7], "camera 1: not an object"),
+        ([entry(3)], r"entry\[0\]\.img_name is 3"),
+        ([entry("v00"), 7], r"entry\[1\]: not an object"),
         ([], "not an object"),
     ],
 )
@@ -73,22 +73,22 @@ def test_gaussian_cameras_that_are_none(tmp_path, content, says):
     path = tmp_path / "cameras.json"
     path.write_text(json.dumps(content))
     with pytest.raises(ValueError, match=says):
-        lenses.read(path, SIZE)
+        lenses.read(path)
 
 
 def test_no_cameras(tmp_path):
     with pytest.raises(ValueError, match=r"no cameras in it: transforms\.json, "):
-        lenses.read(tmp_path, SIZE)
+        lenses.read(tmp_path)
     (tmp_path / "README.md").touch()
     with pytest.raises(ValueError, match=r"README\.md: no file of cameras: transforms"):
-        lenses.read(tmp_path / "README.md", SIZE)
+        lenses.read(tmp_path / "README.md")
     with pytest.raises(ValueError, match="no such file or folder of cameras"):
-        lenses.read(tmp_path / "gone", SIZE)
+        lenses.read(tmp_path / "gone")
 
 
 def test_assumed_cameras_can_be_normalised():
     found = lenses.assumed(NAMES)
-    poses = np.stack([one.pose for one in found.lenses.values()])
+    poses = np.stack([shot.pose for shot in found.shots])
     assert found.kind == "none"
     assert len(np.unique(poses[:, :, 3].round(6), axis=0)) == len(NAMES)
 
@@ -107,7 +107,7 @@ def test_points(tmp_path, form):
         body = "\n".join(" ".join(map(str, row)) for row in POINTS).encode()
     (tmp_path / "points.ply").write_bytes(ply_text(form, body))
     transforms(tmp_path / "transforms.json", ply_file_path="points.ply")
-    positions, colours = lenses.read(tmp_path, SIZE).points
+    positions, colours = lenses.read(tmp_path).points
     np.testing.assert_allclose(positions, POINTS)
     assert colours.dtype == np.uint8
 
@@ -133,14 +133,14 @@ def test_points_that_are_none(tmp_path, content, says, caplog):
     with pytest.raises(ValueError, match=says):
         lenses.read_points(path)
     transforms(tmp_path / "transforms.json", ply_file_path="points.ply")
-    assert lenses.read(tmp_path, SIZE).points is None
+    assert lenses.read(tmp_path).points is None
     assert says in caplog.text
 
 
 def test_points_elsewhere_are_refused(tmp_path):
     transforms(tmp_path / "a" / "transforms.json", ply_file_path="../points.ply")
     with pytest.raises(ValueError, match="leads out of its folder"):
-        lenses.read(tmp_path / "a", SIZE)
+        lenses.read(tmp_path / "a")
 
 
 def test_colours_and_what_is_not_finite(tmp_path):
@@ -157,20 +157,18 @@ def test_colours_and_what_is_not_finite(tmp_path):
 
 
 def test_what_other_programs_write(tmp_path):
-    """Bundler does not say the photos' size: it is that of the first."""
+    """Bundler does not say the photos' size."""
     path = tmp_path / "bundle.out"
     rows = "150 .1 0\n1 0 0\n0 1 0\n0 0 1\n-1 -2 -3\n"
     path.write_text(f"# Bundle file v0.3\n2 0\n{rows * 2}")
     (tmp_path / "list.txt").write_text("a/v00.jpg 0 150\nv01.jpg\n")
     for place in (path, tmp_path):
         assert path in lenses.files_of(place)
-        found = lenses.read(place, (160, 120))
-        assert (found.kind, sorted(found.lenses)) == (
-            "bundle.out of Bundler",
-            ["a/v00.jpg", "v01.jpg"],
-        )
-        own = found.lenses["a/v00.jpg"]
+        found = lenses.read(place)
+        own, other = found.shots
+        said = found.kind, own.name, other.name
+        assert said == ("bundle.out of Bundler", "a/v00.jpg", "v01.jpg")
         np.testing.assert_allclose(own.pose, np.c_[np.eye(3), [1, 2, 3]])
-        camtopix, bent = own.at((80, 60), "v00")
-        np.testing.assert_allclose(camtopix, [[75, 0, 40], [0, 75, 30], [0, 0, 1]])
+        camtopix, bent = own.of_size((80, 60))
+        np.testing.assert_allclose(camtopix, [[150, 0, 40], [0, 150, 30], [0, 0, 1]])
         np.testing.assert_allclose(bent, [0.1, 0, 0, 0, 0])

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from alignerf.scenes import photos as decode
-from alignerf.scenes.external import lenses, likeness, splat
+from alignerf.scenes.external import lenses, likeness, splat, views
 from alignerf.splats import ply, rasterize
 from tests import splat_cases
 from tests.judged_cases import write_png
@@ -51,13 +51,14 @@ def project(tmp_path):
         file.write_text(json.dumps(keys | {"frames": frames} | more))
         rng = np.random.default_rng(3)
         path = splat_cases.write(tmp_path / "model.ply", columns(rng, world))
-        views = {f"{name}.png": name for name in NAMES}
-        return path, lenses.read(file, SIZE).of(views)
+        if not (tmp_path / "photos").is_dir():
+            return path, lenses.read(file)
+        return path, views.taken(tmp_path / "photos", file)
 
     path, cameras = write(np.eye(4))
-    for name, lens in cameras.lenses.items():
+    for name, shot in zip(NAMES, cameras.shots, strict=True):
         camera = rasterize.Camera(
-            splat.world_to_camera(lens.pose, np.eye(4)), 90, 91, 47, 37, *SIZE
+            splat.world_to_camera(shot.pose, np.eye(4)), 90, 91, 47, 37, *SIZE
         )
         image = likeness.to_bytes(rasterize.render(ply.read(path), camera).colour)
         write_png(tmp_path / "photos" / f"{name}.png", image)
@@ -95,7 +96,7 @@ def test_the_world_of_a_splat_is_found_by_the_photos(
     if beside:
         (folder / splat.NERFSTUDIO).write_text(json.dumps(beside))
     path, cameras = write(world, **more)
-    told = splat.render(path, photos, cameras, folder / "made", [path])
+    told = splat.render(path, cameras, folder / "made", [path])
     assert (told["world"], told["gaussians"]) == (says, 400)
     for name in NAMES:
         render = cv2.imread(str(folder / "made" / "rgb" / f"{name}.png"))
@@ -118,57 +119,57 @@ def test_the_cameras_of_its_training_tell_its_world(project):
     write, photos, folder = project
     path, cameras = write(world)
     entries = []
-    for name, lens in cameras.lenses.items():
-        pose = splat.world_to_camera(lens.pose, world)
+    for shot in cameras.shots:
+        pose = splat.world_to_camera(shot.pose, world)
         place = -pose[:, :3].T @ pose[:, 3]
-        entry = {"img_name": f"{name}.png", "width": SIZE[0], "height": SIZE[1]}
+        entry = {"img_name": f"{shot.name}.png", "width": SIZE[0], "height": SIZE[1]}
         entry |= {"fx": 90.0, "fy": 91.0, "position": place.tolist()}
         entries.append(entry | {"rotation": pose[:, :3].T.tolist()})
     (folder / "cameras.json").write_text(json.dumps(entries))
-    told = splat.render(path, photos, cameras, folder / "made")
+    told = splat.render(path, cameras, folder / "made")
     assert told["world"] == "by the cameras.json of its training"
     render = cv2.imread(str(folder / "made" / "rgb" / "v03.png")).astype(int)
     assert np.abs(render - cv2.imread(str(photos["v03"]))).max() <= 2
     for entry in entries:
         entry |= {"width": SIZE[0] // 2, "height": SIZE[1] // 2, "fx": 45.0, "fy": 45.5}
     (folder / "cameras.json").write_text(json.dumps(entries))
-    splat.render(path, photos, cameras, folder / "small")
+    splat.render(path, cameras, folder / "small")
     small = cv2.imread(str(folder / "small" / "rgb" / "v03.png"))
     # As large as the photos that it was trained on.
     assert small.shape[:2] == (SIZE[1] // 2, SIZE[0] // 2)
     (folder / "cameras.json").write_text("[{}]")
     with pytest.raises(ValueError, match="does not show the photos"):
-        splat.render(path, photos, cameras, folder / "again")
+        splat.render(path, cameras, folder / "again")
 
 
 def test_cameras_of_another_scene_are_refused_in_one_line(project):
-    write, photos, folder = project
+    write, _photos, folder = project
     path, cameras = write(similarity(turn=TURN, shift=(40, 0, 0)))
     with pytest.raises(ValueError, match=r"does not show the photos \(likeness"):
-        splat.render(path, photos, cameras, folder / "made")
+        splat.render(path, cameras, folder / "made")
     assert not (folder / "made").exists()
 
 
 @pytest.mark.parametrize("axis", range(3))
 def test_a_mirrored_splat_is_refused(project, axis):
     """Its outline on black is nearly the same."""
-    write, photos, folder = project
+    write, _photos, folder = project
     world = similarity()
     world[axis, axis] = -1
     path, cameras = write(world)
     said = rf"are mirrored \(as the cameras', mirrored in {'xyz'[axis]}\)"
     with pytest.raises(ValueError, match=said):
-        splat.render(path, photos, cameras, folder / "made")
+        splat.render(path, cameras, folder / "made")
 
 
 @pytest.mark.parametrize("seed", range(5))
 def test_another_splat_in_the_same_outline_is_refused(project, seed):
-    write, photos, folder = project
+    write, _photos, folder = project
     path, cameras = write(similarity())
     rng = np.random.default_rng(100 + seed)
     splat_cases.write(path, columns(rng, np.eye(4)))
     with pytest.raises(ValueError, match="does not show the photos"):
-        splat.render(path, photos, cameras, folder / "made")
+        splat.render(path, cameras, folder / "made")
 
 
 def spoil(photos, noise, alike, change=lambda images: images, seed=0):
@@ -188,7 +189,7 @@ def test_a_poor_splat_is_taken(project, seed):
     write, photos, folder = project
     path, cameras = write(similarity())
     spoil(photos, 58, 0, seed=seed)
-    told = splat.render(path, photos, cameras, folder / "made")
+    told = splat.render(path, cameras, folder / "made")
     assert likeness.SHOWS < told["likeness"] < likeness.SURE
     assert told["world"] == "as the cameras'"
 
@@ -212,7 +213,7 @@ def test_photos_of_other_names_or_mirrored_are_named(
     path, cameras = write(similarity())
     spoil(photos, noise, alike, change)
     with pytest.raises(ValueError, match=says):
-        splat.render(path, photos, cameras, folder / "made")
+        splat.render(path, cameras, folder / "made")
 
 
 @pytest.mark.parametrize("off_px", [0, 3])
@@ -227,24 +228,24 @@ def test_soft_splats_of_wrong_poses_and_exposures_are_taken(
         photo = np.roll(cv2.imread(str(path_of)), off_px, axis=(0, 1)) / 255
         photo = cv2.GaussianBlur(photo, (0, 0), sigma_px) ** gamma * gain
         write_png(path_of, likeness.to_bytes(photo[..., ::-1]))
-    assert splat.render(path, photos, cameras, folder / "made")["likeness"] > 0.5
+    assert splat.render(path, cameras, folder / "made")["likeness"] > 0.5
 
 
 def test_a_splat_of_cut_outs_is_rendered_before_their_background(project):
     """NeRF's synthetic scenes are trained before white."""
     write, photos, folder = project
     path, cameras = write(similarity())
-    for name, lens in cameras.lenses.items():
-        view = splat.View(name, photos[name], lens)
+    for shot in cameras.shots:
+        view = splat.View(shot)
         made = view.render(ply.read(path), np.eye(4), SIZE[0])
         straight = made.colour / np.maximum(made.alpha, 1e-6)[..., None]
         cut_out = np.concatenate([straight, made.alpha[..., None]], axis=-1)
-        write_png(photos[name], likeness.to_bytes(cut_out))
+        write_png(shot.photo, likeness.to_bytes(cut_out))
     with pytest.raises(ValueError, match=r"v00\.png has transparent pixels"):
-        splat.render(path, photos, cameras, folder / "made")
+        splat.render(path, cameras, folder / "made")
     for background in ("white", "black"):
         place = folder / background
-        told = splat.render(path, photos, cameras, place, [path], background)
+        told = splat.render(path, cameras, place, [path], background)
         assert told["likeness"] > 0.95
         assert splat.is_of(place, [path], background)
         assert not splat.is_of(place, [path])
@@ -256,9 +257,9 @@ def test_a_splat_of_cut_outs_is_rendered_before_their_background(project):
 
 
 def test_a_similarity_that_is_none_is_named(project):
-    write, photos, folder = project
+    write, _photos, folder = project
     path, cameras = write(similarity())
     told = {"transform": [[0, 0, 0, 0]] * 3, "scale": 1}
     (folder / splat.NERFSTUDIO).write_text(json.dumps(told))
     with pytest.raises(ValueError, match=r"transforms\.json: 'transform' and"):
-        splat.render(path, photos, cameras, folder / "made")
+        splat.render(path, cameras, folder / "made")
