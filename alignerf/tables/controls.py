@@ -38,28 +38,30 @@ def make_table(views):
     return pd.DataFrame(lines, columns=columns.names("controls"))
 
 
+def quantities():
+    """(`Quantity`, test set, the one that is taken off, if any), in their order."""
+    every = [(REMAINS, "warped", "standard")]
+    for one in testsets.every():
+        if "controls" in one.tables:
+            every += [(one.score, one.name, None)] * bool(one.score)
+            every += [(one.difference, one.name, one.control_of)] * bool(one.difference)
+    return sorted(every, key=lambda entry: entry[0].order)
+
+
 def quantities_of(psnr_db):
     """{`Quantity`: dB of each view}, in their order."""
-    found = {}
-    for one in testsets.every():
-        if "controls" in one.tables and one.name in psnr_db:
-            if one.score:
-                found[one.score] = psnr_db[one.name]
-            if one.difference:
-                found[one.difference] = psnr_db[one.name] - psnr_db[one.control_of]
-    gain = found[testsets.named("warped").difference]
-    found[REMAINS] = gain - sum(v for k, v in found.items() if k.is_no_alignment)
-    return {key: found[key] for key in sorted(found, key=lambda key: key.order)}
+    found = {
+        key: psnr_db[name] - (psnr_db[control] if control else 0)
+        for key, name, control in quantities()
+        if name in psnr_db
+    }
+    found[REMAINS] -= sum(db for key, db in found.items() if key.is_no_alignment)
+    return found
 
 
 def shown():
     """(name, heading, whether it is a difference) of every quantity, in their order."""
-    every = [(REMAINS, True)]
-    for one in testsets.every():
-        every += [(one.score, False)] * bool(one.score)
-        every += [(one.difference, True)] * bool(one.difference)
-    every.sort(key=lambda pair: pair[0].order)
-    return [(q.name, q.heading or q.name, differs) for q, differs in every]
+    return [(q.name, q.heading or q.name, bool(other)) for q, _, other in quantities()]
 
 
 def to_latex(table):

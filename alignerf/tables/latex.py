@@ -70,8 +70,7 @@ def of_lines(
     style = table.style
     for place, css in styles.items():
         style = style.apply(lambda _, css=css: css, subset=[place])
-    packages = r"\usepackage{booktabs}" + r" \usepackage[table]{xcolor}" * bool(styles)
-    head = "".join(f"% {note}\n" for note in (packages, *notes))
+    head = "".join(f"% {note}\n" for note in notes)
     align = "l" * len(keys) + "r" * len(cells)
     return head + style.to_latex(
         hrules=True, multicol_align="c", multirow_align="naive", column_format=align
@@ -129,9 +128,8 @@ def document(text):
     head, _, body = text.partition(r"\begin{tabular}")
     packages = [r"\usepackage{booktabs}", r"\usepackage[table]{xcolor}"]
     begin = [r"\documentclass[border=4pt]{standalone}", *packages, r"\begin{document}"]
-    notes = [line for line in head.splitlines() if r"\usepackage" not in line]
     end = [rf"\begin{{tabular}}{body.strip()}", r"\end{document}"]
-    return "\n".join([*notes, *begin, *end, ""])
+    return "\n".join([*head.splitlines(), *begin, *end, ""])
 
 
 def with_ends(column):

@@ -6,15 +6,15 @@ view. What papers print for a scene of this name stands below, and is compared w
 nothing.
 """
 
+import itertools
+
 import pandas as pd
 
 from alignerf import testsets
-from alignerf.io import csv_files
-from alignerf.tables import columns, frame, latex, scores
+from alignerf.tables import columns, frame, latex, published
 from alignerf.tables.columns import METRICS, PRINTED_ONLY
 
 TEST_SETS = testsets.shown_in("misalignment")
-PRINTED = ("psnr_db", "ssim", PRINTED_ONLY)
 COUNTS = ("params", "steps", "rays_seen")
 
 
@@ -27,31 +27,16 @@ def make_table(views, printed=()):
 
 
 def printed(args):
-    """Lines of all published tables that the arguments name."""
-    return [one for path in args.published for one in published(path, args.called)]
+    """Lines of papers that are of a scene of the name in the arguments.
 
-
-def published(path, scene):
-    """Lines of a table of results/published that are of a scene of this name.
-
-    Where it says neither, photos as taken are learnt from, and scored. `hours` are of
-    the whole way, `params_m` millions, `size` that of the photos.
+    `size` is that of the photos.
     """
-    needed = ("source", "method", "scene", *PRINTED)
-    table = csv_files.read(path, columns=needed)
-    places = {"warping": scores.warping(0), "test_set": "standard"}
-    table = table.assign(**{k: v for k, v in places.items() if k not in table})
-    table = table[table["scene"] == scene]
-    if table.duplicated(["method", *places]).any():
-        raise ValueError(f"{path}: scene {scene}: a method stands twice")
-    for row in table.to_dict("records"):
-        where = f" in Table {row['table']} at {row['size']}" if "table" in row else ""
-        labels = {"method": f"{row['method']}, published{where}"}
-        labels |= {key: row[key] for key in ("source", *places, *PRINTED)}
-        if "hours" in row:
-            labels["total_time_s"] = 3600 * row["hours"]
-            labels["params"] = round(1e6 * row["params_m"])
-        yield labels
+    every = (published.lines(path, "scene", args.called) for path in args.published)
+    for line in itertools.chain(*every):
+        where = (
+            f" in Table {line['table']} at {line['size']}" if "table" in line else ""
+        )
+        yield line | {"method": line["method"] + where}
 
 
 def to_latex(table):

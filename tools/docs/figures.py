@@ -9,8 +9,7 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
-from alignerf.tables import plots
-from alignerf.tables.across import tradeoff
+from alignerf.tables.across import plots, tradeoff
 
 
 def main(argv=None):

@@ -22,13 +22,13 @@ from alignerf.tables import (
     frame,
     latex,
     misalignment,
+    published,
     ranking,
     scores,
 )
 from alignerf.tables.columns import METRICS
 
 TEST_SETS = testsets.shown_in("comparison")
-PRINTED = misalignment.PRINTED
 # As the paper has them in one cell.
 BOTH = ("standard", "warped")
 # In column `scene`: means over all.
@@ -37,13 +37,15 @@ ALL = "all"
 
 def printed(args):
     """What the paper prints in the table that the arguments name."""
-    return printed_lines(*(args.published or [None]), args.published_table)
+    if args.published_table is None:
+        return []
+    return published.lines(*args.published, "table", args.published_table)
 
 
 def beside(views, table, args):
     """How test sets rank the methods, and the paper's effects beside ours."""
     found = pd.DataFrame(columns=columns.names("effects"))
-    if args.published and args.published_table is not None:
+    if args.published_table is not None:
         pixels = {one: pixels_of(args.results / one) for one in views["scene"].unique()}
         every = csv_files.read(*args.published)
         found = effects.of_table(args.published_table, views, every, pixels)
@@ -65,9 +67,9 @@ def make_table(views, printed=()):
         left = [line | labels for line in printed if line["group"] == labels["group"]]
         for _, own in frame.shared(group).groupby(frame.ROW, sort=False):
             lines += lines_of(own, labels)
-            called = own["published"].iloc[0], lines[-1]["warping"]
-            lines += [line for line in left if line["called"] == called]
-            left = [line for line in left if line["called"] != called]
+            called = called_so(lines[-1])
+            lines += [line for line in left if called_so(line) == called]
+            left = [line for line in left if called_so(line) != called]
         # What others run: ours can only be set beside it.
         lines += left
         scenes = list(group.groupby("alike", sort=False))
@@ -80,36 +82,16 @@ def make_table(views, printed=()):
     return table
 
 
+def called_so(line):
+    """What the paper calls a line's row."""
+    return line["published"], line["warping"]
+
+
 def lines_of(views, labels):
     """Lines of rows on all their scenes, a test set each."""
     for line in frame.summary(views, frame.ROW, TEST_SETS, against="reference_db"):
         known = pd.notna(line["difference_db"])
         yield line | labels | {"difference_to": line["reference"] if known else None}
-
-
-def printed_lines(path, number):
-    """Lines of a table of the paper; `called`: its name of the method, its warping."""
-    if not path or number is None:
-        return []
-    names = ("source", "table", "group", "method", "warping", "test_set")
-    table = csv_files.read(path, columns=(*names, "hours", "params_m", *PRINTED))
-    # Tables 1 and 4 have one length, which ours is set beside.
-    table = table.fillna({"group": scores.length(1)})
-    lines = []
-    for row in table[table["table"] == number].to_dict("records"):
-        kept = ("group", "test_set", "source", *PRINTED)
-        lines.append(
-            {
-                "called": (row["method"], row["warping"]),
-                "published": row["method"],
-                "method": f"{row['method']}, published",
-                "total_time_s": 3600 * row["hours"],
-                "params": 1e6 * row["params_m"],
-                "warping": row["warping"],
-                **{key: row[key] for key in kept},
-            }
-        )
-    return lines
 
 
 def make_ranking(views):

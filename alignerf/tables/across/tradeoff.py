@@ -11,7 +11,8 @@ import numpy as np
 import pandas as pd
 
 from alignerf import testsets
-from alignerf.tables import columns, frame, latex, plots, scores
+from alignerf.tables import columns, frame, latex, scores
+from alignerf.tables.across import plots
 
 # Cameras that are moved to fit a photo are scored by PSNR alone; other metrics are of
 # this test set.

@@ -28,7 +28,6 @@ def test_a_table_is_whole():
         notes=["First.", "Second."],
     )
     assert text.splitlines() == [
-        r"% \usepackage{booktabs}",
         "% First.",
         "% Second.",
         r"\begin{tabular}{llrrr}",
@@ -92,16 +91,6 @@ def test_two_test_sets_share_a_cell(first, second, higher, cells):
 
 @pytest.mark.parametrize("within", [None, "Kind"])
 def test_the_best_are_coloured_in_each_block(within):
-    lines = LINES[LINES["set"] == "a"].assign(psnr_db=[1.0, 2.0])
-    text = latex.of_lines(
-        lines,
-        {"Method": lines["method"]},
-        [("psnr_db", "PSNR", ".1f")],
-        by="set",
-        values=["a"],
-        best={"psnr_db": True},
-    )
-    assert text.splitlines()[0].endswith(r"\usepackage[table]{xcolor}")
     kinds = pd.MultiIndex.from_arrays([["one", "other"]], names=["Kind"])
     psnr_db, none = pd.Series([1.0, 2.0], kinds), pd.Series([False, False], kinds)
     text = latex.side_by_side(psnr_db, psnr_db, ".1f", True, none, within)

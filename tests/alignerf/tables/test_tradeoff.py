@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from alignerf.tables import plots, scores
-from alignerf.tables.across import tradeoff
+from alignerf.tables import scores
+from alignerf.tables.across import plots, tradeoff
 from tests import table_cases
 from tests.table_cases import made
 

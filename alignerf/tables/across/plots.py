@@ -49,7 +49,7 @@ def named(table):
 
 
 def costs(table, path):
-    """The figure of `across.tradeoff`: dB over seconds, a panel a condition.
+    """The figure of `tradeoff`: dB over seconds, a panel a condition.
 
     A line is a method and warping, a point a length of training; the Pareto front is
     dashed.
