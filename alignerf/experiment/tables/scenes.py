@@ -2,7 +2,6 @@
 
 import hashlib
 import types
-from collections.abc import Callable, Mapping
 from typing import NamedTuple
 
 from alignerf.experiment import layout
@@ -122,38 +121,56 @@ OF_TABLES = {
 }
 
 
+BESIDE = {"comparison": {"ranking": "_ranking.csv", "effects": "_effects.csv"}}
+ABOUT = {
+    "comparison": "Compare all methods on all scenes",
+    "tradeoff": "Compare what settings cost with what they bring",
+    "arm": "Compare NeRF and BARF on a moving arm",
+}
+
+
 class Across(NamedTuple):
     """A table across an experiment's scenes: a rule, and a target of its name.
 
-    kind: of `alignerf.tabulate`. scenes: from the experiment to its `Scene`s;
-    ValueError for a config of which there is no such table. of: whose rows it has, of
-    OF_TABLES. reads: files of each scene that it reads besides. beside: {what: ending}
-    of what is made beside the table. more: options of its own. published: files beside
-    the sources. chosen: scenes that it is narrowed to; none: all.
+    kind: of `alignerf.tabulate`. number: of the paper's table that it is beside.
+    chosen: scenes that it is narrowed to; none: all.
     """
 
     name: str
-    about: str
+    kind: str
     experiment: object
-    kind: str = "comparison"
-    scenes: Callable = compared
-    of: str = "comparison"
-    reads: tuple = ()
-    beside: Mapping = types.MappingProxyType({"figure": ".png"})
-    more: Mapping = types.MappingProxyType({})
-    published: tuple = ()
+    number: int | None = None
     chosen: tuple = ()
 
     @property
+    def about(self):
+        """What it is for."""
+        of_paper = f"Make Table {self.number} of the paper, with its rows beside ours"
+        return ABOUT.get(self.name, of_paper)
+
+    @property
+    def beside(self):
+        """{what: ending} of what is made beside it."""
+        return BESIDE.get(self.kind, {"figure": ".png"})
+
+    @property
+    def published(self):
+        """Files beside the sources."""
+        return [rows.published_table()] if self.kind == "comparison" else []
+
+    @property
     def found(self):
-        """The `Scene`s that it has."""
-        every = faults.or_exit(self.scenes, self.experiment)
+        """The `Scene`s that it has; ends the process where there is no such table."""
+        scenes = compared if self.name in ABOUT else printed
+        every = faults.or_exit(scenes, self.experiment)
         return [one for one in every if not self.chosen or one.scene in self.chosen]
 
     @property
     def inputs(self):
         """Outputs of rules that it waits for."""
-        names = (f"{self.of}/scores.csv", f"{self.of}/trainings.csv", *self.reads)
+        of = "arm" if self.kind == "arm" else "comparison"
+        names = [f"{of}/scores.csv", f"{of}/trainings.csv"]
+        names += ["cameras.npz"] * (self.kind == "comparison")
         return [f"{layout.Scene(o.scene)}/{name}" for o in self.found for name in names]
 
     @property
@@ -165,7 +182,8 @@ class Across(NamedTuple):
             scenes=rows.as_json(self.found),
             out=f"{layout.RESULTS}/{self.name}",
             configs=self.configs,
-            **self.more,
+            published=self.published,
+            published_table=self.number,
         )
 
     @property
@@ -179,53 +197,20 @@ class Across(NamedTuple):
         return [f"{layout.RESULTS}/{self.name}{end}" for end in ends]
 
 
+# Tables of an experiment by its name; "" is the config that runs.
+KINDS = {"": ("tradeoff", "comparison"), "figures": ("arm",), "tradeoff": ("tradeoff",)}
+
+
 def across(experiments, narrowed=types.MappingProxyType({})):
     """All tables across scenes of `plan.Experiments`; narrowed: {table: its scenes}."""
-    first = experiments.by_name.get("")
-    found = list(own_tables(first)) if first else []
+    found = {}
     for name, experiment in experiments.by_name.items():
-        if experiment.config["published_table"] and name:
-            found.append(printed_table(name, experiment))
-    if arm := experiments.by_name.get("figures"):
-        about = "Compare NeRF and BARF on a moving arm"
-        found.append(Across("arm", about, arm, kind="arm", of="arm"))
-    named = {table.name: table for table in found}
-    if trade := experiments.by_name.get("tradeoff"):
-        named["tradeoff"] = trade_table(trade)
-    return [
-        table._replace(chosen=tuple(narrowed.get(table.name, ())))
-        for table in named.values()
-    ]
-
-
-def own_tables(experiment):
-    """The tables of the config that runs, a published one that it names among them."""
-    yield trade_table(experiment)
-    yield printed_table("comparison", experiment)
-    if number := experiment.config["published_table"]:
-        yield printed_table(f"table{number}", experiment)
-
-
-def trade_table(experiment):
-    """Seconds against dB of every method and length."""
-    about = "Compare what settings cost with what they bring"
-    return Across("tradeoff", about, experiment, kind="tradeoff")
-
-
-def printed_table(name, experiment):
-    """All methods on all scenes, beside what the paper prints of its table's."""
-    published, number = rows.published_table(), experiment.config["published_table"]
-    about, scenes = "Compare all methods on all scenes", compared
-    if name != "comparison":
-        about, scenes = (
-            f"Make Table {number} of the paper, with its rows beside ours",
-            printed,
-        )
-    return Across(
-        *(name, about, experiment),
-        scenes=scenes,
-        reads=("cameras.npz",),
-        beside={"ranking": "_ranking.csv", "effects": "_effects.csv"},
-        more={"published": published, "published_table": number},
-        published=(published,),
-    )
+        number = experiment.config["published_table"]
+        kinds = {kind: kind for kind in KINDS.get(name, ())}
+        if number:
+            kinds[name or f"table{number}"] = "comparison"
+        for table, kind in kinds.items():
+            chosen = tuple(narrowed.get(table, ()))
+            of = number if kind == "comparison" else None
+            found[table] = Across(table, kind, experiment, of, chosen)
+    return list(found.values())

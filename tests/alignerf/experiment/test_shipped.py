@@ -6,7 +6,7 @@ import jax
 import pytest
 
 from alignerf.experiment.tables import rows, shipped
-from alignerf.tables import misalignment
+from alignerf.tables import published
 from alignerf.training import compose
 from tests import step_cases as cases
 
@@ -67,11 +67,8 @@ def test_at_full_size_a_scenes_tables_show_what_is_printed_for_it(
     assert list(experiment.scenes) == [scene]
     found = cases.options("tables", experiment, scene, table="misalignment")
     assert found["called"] == called
-    lines = [
-        row
-        for path in found["published"]
-        for row in misalignment.published(path, called)
-    ]
+    paths = found["published"]
+    lines = [row for path in paths for row in published.lines(path, "scene", called)]
     # Of mip-NeRF 360's own table, and of this one.
     assert len(lines) == 1 + count
     assert {line["method"].partition(", published")[0] for line in lines} >= {
