@@ -1,5 +1,6 @@
 """Photos, renders and cameras of another program, small, in a folder."""
 
+import functools
 import json
 from pathlib import Path
 
@@ -16,14 +17,17 @@ LENS = np.array([-0.18, 0.05, 1e-3, -1e-3, 0.0])
 NAMES = [f"v{i:02}" for i in range(8)]
 
 
+@functools.cache
 def picture(seed, size=SIZE):
-    """A photo with texture of all sizes [h, w, 3] uint8."""
+    """A photo with texture of all sizes [h, w, 3] uint8, not to be written to."""
     rng = np.random.default_rng(seed)
     total = np.zeros((size[1], size[0], 3))
     for sigma in (1.2, 4, 12):
         noise = cv2.GaussianBlur(rng.normal(size=total.shape), (0, 0), sigma)
         total += noise / noise.std()
-    return np.clip(128 + 35 * total, 1, 255).astype(np.uint8)
+    image = np.clip(128 + 35 * total, 1, 255).astype(np.uint8)
+    image.setflags(write=False)
+    return image
 
 
 def write_png(path, image):

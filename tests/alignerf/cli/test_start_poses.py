@@ -111,9 +111,6 @@ def test_wrong_poses_are_adjusted_and_written_in_every_format(
     assert len(own.points[0]) > 100
     assert (out / "points.ply").is_file()
     assert len(list((out / "images").glob("*.png"))) == VIEWS
-    # Again, onto what is there, and without photos.
-    poses.main([str(folder), "--no-photos"])
-    assert not (out / "images").exists()
 
 
 def test_right_poses_stay(scan, photographed, tmp_path, capsys):
@@ -135,10 +132,12 @@ def test_a_mistake_of_the_file_is_named_and_undone(
     (out,) = tmp_path.glob("results/*/adjusted")
     views, _ = transforms.read(out)
     assert error_deg(views.camtoworlds, photographed[1]["camtoworlds"]) < 1e-3
-    # Told what they are, nothing else is named.
-    poses.main([str(folder), "--pose-convention", "opencv"])
+    assert list(out.glob("images/*"))
+    # Told what they are, nothing else is named; onto what is there, without photos.
+    poses.main([str(folder), "--pose-convention", "opencv", "--no-photos"])
     assert "cameras stay as they came" in capsys.readouterr().out
     assert list(out.glob("transforms.json"))
+    assert not (out / "images").exists()
 
 
 def test_photos_without_cameras_are_refused(photographed, tmp_path, capsys):

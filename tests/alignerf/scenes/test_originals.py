@@ -1,5 +1,6 @@
 """A photo that was overwritten is not paired with the cameras of another one."""
 
+import contextlib
 import os
 import shutil
 from pathlib import Path
@@ -15,14 +16,21 @@ from tests import judged_cases as cases
 CONFIG = {"source": "transforms", "path": "scan", "poses": "input"}
 
 
+@pytest.fixture(scope="module")
+def prepared(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("prepared")
+    cases.photos(folder / "scan/images")
+    cases.transforms(folder / "scan/transforms.json", lens=[0.0] * 5)
+    with contextlib.chdir(folder):
+        poses.main(CONFIG, "out")
+    return folder
+
+
 @pytest.fixture
-def scene(tmp_path, monkeypatch):
+def scene(prepared, tmp_path, monkeypatch):
     """A prepared scene in `out`, of photos in scan/images."""
+    shutil.copytree(prepared, tmp_path, dirs_exist_ok=True)
     monkeypatch.chdir(tmp_path)
-    cases.photos(tmp_path / "scan/images")
-    lens = [0.0] * 5
-    cases.transforms(tmp_path / "scan/transforms.json", lens=lens)
-    poses.main(CONFIG, "out")
     return tmp_path
 
 
