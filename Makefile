@@ -14,8 +14,9 @@
 # make show                 print the tables and verdicts of finished runs
 # make cluster              install plugins for Slurm, Kubernetes and S3
 # make clean                delete the results of this program, and no other files
+# make check                run the tests that a change reaches, for a minute
 # make test                 run the tests
-# make tools                run the slow tests: packaging, browser, benchmarks
+# make tools                run the slow tests: whole programs, packaging, browser
 # make lint                 check the format and the style of code and workflow
 # make bench                measure speed, into results/bench/
 # make peers PEERS=folder   compare with the code that the papers' authors released
@@ -38,7 +39,7 @@ unexport FOLDER SCENE WIDTH PHOTOS RENDERS SPLAT CAMERAS DEPTH OPTIONS JUDGE POS
 
 # `exec`: who ends make by a signal ends the program, and not a shell around it alone.
 .DEFAULT_GOAL := help
-.PHONY: help help-all run show photos poses judge export test tools bench peers torture docs site lint cluster lock clean
+.PHONY: help help-all run show photos poses judge export check test tools bench peers torture docs site lint cluster lock clean
 
 help:
 	@sed -n '/^# make show/q; s/^# \{0,1\}//p' $(firstword $(MAKEFILE_LIST))
@@ -84,11 +85,16 @@ export: $(VENV)/.installed
 TOOLS := tools tests/extension tests/test_packaging.py
 TOOLS += tests/alignerf/page/test_browser.py tests/alignerf/page/test_damaged.py
 
+check: $(VENV)/.installed
+	@files="$$(python -m tests.reached $(TOOLS))" && ALIGNERF_SECONDS=60 \
+		pytest -q -n 2 -m "not whole" $$files
+
 test: $(VENV)/.installed
-	@pytest -n 2 --dist worksteal $(TOOLS:%=--ignore=%)
+	@pytest -n 2 --dist worksteal -m "not whole" $(TOOLS:%=--ignore=%)
 
 tools: $(VENV)/.installed
 	@pytest -n 2 --dist worksteal $(TOOLS)
+	@pytest -n 2 --dist worksteal -m whole $(TOOLS:%=--ignore=%)
 
 bench: $(VENV)/.installed
 	@python -m tools.bench.speed $(if $(PEER),--peer $(PEER)) $(BENCH)

@@ -5,9 +5,11 @@ import functools
 import os
 import pathlib
 import pickle
+import re
 import signal
 import subprocess
 import sys
+import time
 
 ROOT = pathlib.Path(__file__).resolve().parent
 
@@ -51,13 +53,30 @@ jax.devices()
 # Arrays of other ranks meet by name, [:, None], or not at all.
 jax.config.update("jax_numpy_rank_promotion", "raise")
 
+# A shell ignores Ctrl-C in the background; what tests start there would do so, too.
+if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
+    signal.signal(signal.SIGINT, signal.default_int_handler)
+
 # Files whose single tests or fixtures take minutes.
 LONGEST = ("test_chain.py", "test_bench.py")
+# `make check` begins no test after so many seconds.
+STARTED, SECONDS = time.monotonic(), float(os.environ.get("ALIGNERF_SECONDS", "inf"))
+# What CI's machine may lack. Any other skip is a test that nobody runs.
+KNOWN_SKIPS = re.compile(
+    "real data not found|no scene at|no checkout of|no chromium|make cluster|make site"
+    "|not installed|import '(torch|properdocs|nbformat)'"
+)
 
 
 def pytest_collection_modifyitems(items):
     """The longest first: begun last, one of them keeps a core idle for minutes."""
-    items.sort(key=lambda item: item.path.name not in LONGEST)
+    checking = bool(os.environ.get("ALIGNERF_SECONDS"))
+    items.sort(key=lambda item: (item.path.name in LONGEST) == checking)
+
+
+@pytest.hookimpl(tryfirst=True)
+def pytest_runtest_protocol(item):
+    return True if time.monotonic() - STARTED > SECONDS else None
 
 
 def pytest_sessionfinish(session):
@@ -67,11 +86,21 @@ def pytest_sessionfinish(session):
     """
     # Only the process that reports has one; it has the reports of all workers.
     if reporter := session.config.pluginmanager.get_plugin("terminalreporter"):
-        found = list(ratchet.slow(ratchet.seconds(reporter.stats)))
+        found = [
+            f"slow: {one}" for one in ratchet.slow(ratchet.seconds(reporter.stats))
+        ]
+        fails = bool(found) and os.environ.get("ALIGNERF_TIME_BUDGETS") == "1"
+        if os.environ.get("ALIGNERF_SKIPS") == "known":
+            reasons = {str(one.longrepr) for one in reporter.stats.get("skipped", [])}
+            unknown = [one for one in reasons if not KNOWN_SKIPS.search(one)]
+            found += [f"skipped for no known reason: {one}" for one in unknown]
+            fails |= bool(unknown)
+        if time.monotonic() - STARTED > SECONDS:
+            found.append(f"over {SECONDS:.0f} s: `make test` runs what was not begun")
         reporter.ensure_newline()
         for line in found:
-            reporter.write_line(f"slow: {line}", yellow=True)
-        if found and os.environ.get("ALIGNERF_TIME_BUDGETS") == "1":
+            reporter.write_line(line, yellow=True)
+        if fails:
             session.exitstatus = session.exitstatus or pytest.ExitCode.TESTS_FAILED
 
 

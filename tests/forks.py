@@ -52,24 +52,22 @@ class Forks:
         )
         assert self.process.stdout.readline()
 
-    def snakemake(self, folder, *arguments, root=ROOT, more=None):
-        """(exit code, all that is printed) of Snakemake in the folder.
+    def snakemake(self, folder, *arguments, root=ROOT):
+        """(exit code, all that is printed) of Snakemake in the folder."""
+        words = [*PLAIN, "--directory", folder, "--snakefile", f"{root}/Snakefile"]
+        copy = os.path.realpath(root) != ROOT
+        variables = {"PYTHONPATH": str(root)} if copy else {}
+        return self.run("snakemake", *words, *arguments, variables=variables)
 
-        more: variables of its environment.
-        """
+    def run(self, module, *words, variables=None):
+        """(exit code, all that is printed) of `python -m module words`."""
         import tempfile
 
         if self.process is None:
             self.start()
-        words = [*PLAIN, "--directory", folder, "--snakefile", f"{root}/Snakefile"]
-        words = ["-m", "snakemake", *map(str, (*words, *arguments))]
-        environment = os.environ | (more or {}) | {"FORKED": str(self.python)}
-        copy = os.path.realpath(root) != ROOT
-        environment |= {"PYTHONPATH": str(root)} if copy else {}
-        with (
-            tempfile.TemporaryFile("w+") as said,
-            open(os.devnull) as nothing,
-        ):
+        words = ["-m", module, *map(str, words)]
+        environment = os.environ | (variables or {}) | {"FORKED": str(self.python)}
+        with tempfile.TemporaryFile("w+") as said, open(os.devnull) as nothing:
             streams = [nothing.fileno(), said.fileno(), said.fileno()]
             code = ask(str(self.socket), words, streams, environment)
             said.seek(0)
@@ -157,8 +155,9 @@ def answer(request, streams):
         if paths[0] not in ("", ROOT):
             forget()
         sys.path[:0] = [path for path in paths if path and path not in sys.path]
+        python = os.environ.pop("FORKED", None)
         if module == "snakemake":
-            sys.executable = os.environ.pop("FORKED")
+            sys.executable = python
         sys.argv = [module, *words]
         runpy.run_module(module, run_name="__main__", alter_sys=True)
         code = 0

@@ -70,6 +70,14 @@ def in_stage(stage, job=JOB, **changes):
     return job | {"stage": stage, "alignerf": chosen}
 
 
+def one_of(kinds, kind):
+    """Of systems the kind, which compiles soonest; `make tools` has all."""
+    return [
+        pytest.param(one, marks=() if one == kind else pytest.mark.whole)
+        for one in kinds
+    ]
+
+
 class Killed(BaseException):
     """A process that ends in the middle, as far as files can tell."""
 

@@ -6,6 +6,7 @@ import shlex
 import sys
 
 import numpy as np
+import pytest
 
 from alignerf.io import archives
 
@@ -35,6 +36,7 @@ def rows_of(path):
         return list(csv.DictReader(file))
 
 
+@pytest.mark.whole
 def test_another_program_goes_in_rounds_to_the_page(tmp_path, root, forked, subtests):
     script = root / "tests" / "workflow" / "stand_in.py"
     program = f"{shlex.quote(sys.executable)} {shlex.quote(str(script))}"

@@ -127,7 +127,15 @@ def shared_of(config):
     return same * sum("adjust" in m for m in methods)
 
 
-@pytest.mark.parametrize("path", OF_USERS, ids=lambda path: path.stem)
+def some(cases):
+    """One in four; `make tools` runs the others, too."""
+    return [
+        pytest.param(case, marks=pytest.mark.whole if k % 4 else ())
+        for k, case in enumerate(cases)
+    ]
+
+
+@pytest.mark.parametrize("path", some(OF_USERS), ids=lambda path: path.stem)
 def test_every_config_can_be_planned(path, tmp_path, dry_run):
     config = sized(path)
     # Stand-ins for what lies on the user's disk.
@@ -170,7 +178,7 @@ def check_target(output, target, experiment, names):
     return jobs
 
 
-@pytest.mark.parametrize("target", shipped.NAMES)
+@pytest.mark.parametrize("target", some(shipped.NAMES))
 def test_a_target_of_the_papers_is_planned(target, tmp_path, photos_of_tables, dry_run):
     code, output = dry_run(tmp_path, target, "-n")
     assert code == 0, output
@@ -178,7 +186,7 @@ def test_a_target_of_the_papers_is_planned(target, tmp_path, photos_of_tables, d
     check_target(output, target, experiment, experiment.captures())
 
 
-@pytest.mark.parametrize("target", AT_FULL_SIZE)
+@pytest.mark.parametrize("target", some(AT_FULL_SIZE))
 def test_the_papers_own_size_is_planned_without_its_data(
     target, tmp_path, photos_of_tables, dry_run
 ):
@@ -399,6 +407,7 @@ def test_both_splits_are_rendered_where_something_follows(tmp_path, demo, dry_ru
     assert "MissingRuleException" in output
 
 
+@pytest.mark.whole
 def test_what_the_readme_prints_needs_no_number_of_cores(tmp_path, snakemake):
     code, output = snakemake(tmp_path, "--rulegraph")
     assert code == 0, output
@@ -439,6 +448,7 @@ def test_a_source_is_of_the_stages_that_run_it(path, stages):
     assert found == {one for one in STAGES if one.endswith(tuple(stages))}
 
 
+@pytest.mark.whole
 def test_a_plan_asks_each_job_little(tmp_path):
     """Calls, not seconds, which depend on the machine: 282 a job, 97 to begin with."""
     found = check.sized(

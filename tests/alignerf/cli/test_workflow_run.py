@@ -53,7 +53,7 @@ def here(tmp_path, monkeypatch):
     return tmp_path
 
 
-@pytest.mark.parametrize("verbose", ["", "1"])
+@pytest.mark.parametrize("verbose", ["", pytest.param("1", marks=pytest.mark.whole)])
 def test_who_ends_it_ends_its_jobs_and_no_fault_is_claimed(here, root, verbose):
     """Snakemake by itself waits for the jobs that run."""
     slow = 'shell: "echo $$ > job.pid; sleep 120; touch {output:q}"'
@@ -70,14 +70,12 @@ def test_who_ends_it_ends_its_jobs_and_no_fault_is_claimed(here, root, verbose):
         stderr=subprocess.STDOUT,
         text=True,
     )
-    begun = time.monotonic()
     while not (here / "job.pid").is_file() and one.poll() is None:
-        assert time.monotonic() < begun + 60
         time.sleep(0.1)
     assert one.poll() is None, one.communicate()
     job = psutil.Process(int((here / "job.pid").read_text()))
     one.send_signal(signal.SIGTERM)
-    said, _ = one.communicate(timeout=60)
+    said, _ = one.communicate()
     assert one.returncode not in (0, None)
     assert not job.is_running() or job.status() == psutil.STATUS_ZOMBIE
     assert "stopped" in said

@@ -42,12 +42,12 @@ def flow_path(tmp_path):
     return path
 
 
-@pytest.mark.parametrize("read", READ.values(), ids=READ)
-def test_a_zip_bomb_is_refused_by_its_head(flow_path, read, rng):
+def test_a_zip_bomb_is_refused_by_its_head(flow_path, rng):
     damage.NPZ_WAYS["a zip bomb"](flow_path, rng)
     before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
-    with pytest.raises(ValueError, match=r"view\.npz: not .*"):
-        read(flow_path)
+    for read in READ.values():
+        with pytest.raises(ValueError, match=r"view\.npz: not .*"):
+            read(flow_path)
     assert resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before < 2**18
 
 

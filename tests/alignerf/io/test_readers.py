@@ -182,13 +182,13 @@ def test_aliases_are_counted_before_they_are_followed(tmp_path, depth):
     """A config may use them; 540 bytes of them may stand for a billion values."""
     path, width = tmp_path / "a.yaml", 9
     path.write_text(lists(depth, width))
-    began_s = time.monotonic()
+    began_s = time.process_time()
     if width**depth < yaml_files.MAX_VALUES / 2:
         assert len(yaml_files.read(path)) == depth
     else:
         with pytest.raises(ValueError, match=r"a\.yaml: over 100,000 values"):
             yaml_files.read(path)
-    assert time.monotonic() - began_s < 5
+    assert time.process_time() - began_s < 5
 
 
 @pytest.mark.parametrize("text", ["a: &a [*a]", "&a {x: *a}", "&a {<<: *a}"])
@@ -208,10 +208,10 @@ def test_what_holds_itself_is_named(tmp_path, text):
 )
 def test_json_of_too_many_values_is_named(tmp_path, text, reason):
     (tmp_path / "a").write_text(text)
-    started = time.perf_counter()
+    started = time.process_time()
     with pytest.raises(ValueError, match=rf"a: not the JSON.*{reason}"):
         json_files.read(tmp_path / "a", {"frames": list})
-    assert time.perf_counter() - started < 2
+    assert time.process_time() - started < 2
 
 
 def test_a_list_of_too_many_entries_is_named(tmp_path):

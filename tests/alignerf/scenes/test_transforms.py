@@ -461,10 +461,10 @@ def test_many_frames_without_an_image_take_seconds(scene):
     frame = scene[1]["frames"][0]
     more = [frame | {"file_path": f"images/no{i}"} for i in range(19_996)]
     scene[1]["frames"] += more
-    started = time.perf_counter()
+    started = time.process_time()
     with pytest.raises(ValueError, match=r"no photo images/gone\.png.*19994 more"):
         read(scene)
-    assert time.perf_counter() - started < 20
+    assert time.process_time() - started < 20
 
 
 def test_fox(shared_data):
