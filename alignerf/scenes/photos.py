@@ -31,6 +31,8 @@ FORMATS = ("JPEG", "PNG", "TIFF", "BMP", "WEBP", "HEIF")
 # Pillow refuses twice its warning's size, as does all that is read without Pillow.
 MAX_PIXELS = 2 * Image.MAX_IMAGE_PIXELS
 PNG = b"\x89PNG\r\n\x1a\n"
+# Pillow's words for PNGs of 16 bits, of whose colours it drops the lower 8.
+DEEP = ("RGB;16B", "RGBA;16B")
 # Google's name of a panorama, in the XMP that cameras write.
 EQUIRECTANGULAR, HEAD_BYTES = b"equirectangular", 2**16
 # So many photos are looked at.
@@ -92,7 +94,7 @@ def find_images(folder, others=()):
     paths = [p for p in visible if p.is_file() and p.suffix.lower() in SUFFIXES]
     named = photo_names.photos_of([path.name for path in paths])
     paths = [folder / name for name in named]
-    depths = {path for path in paths if _deep_png(path) == 0}
+    depths = {path for path in paths if _is_deep_grey(path)}
     paths = [path for path in paths if path not in depths] or paths
     if not (paths or others):
         paths = [folder / path for path in photo_names.listed(folder)]
@@ -183,6 +185,8 @@ def decode(path, background=None, *, upright=True, least_px=None):
     """
     with images.opened(path, FORMATS) as opened:
         turned_by = _turned_by(opened)
+        # Pillow's own mode does not tell 16 bits from 8.
+        deep = bool(opened.tile) and opened.tile[0].args in DEEP
         if least_px:
             opened.draft(None, (least_px, least_px))
         opened.load()
@@ -191,7 +195,7 @@ def decode(path, background=None, *, upright=True, least_px=None):
         # Nothing is copied without need: a photo of 170 megapixels takes 0.7 GB.
         orientation = exif.get(TAG.Orientation, 1) if opened.format != "TIFF" else 1
     # Outside: its ValueErrors name the file already.
-    rgb = _to_rgb(opened, path, background)
+    rgb = _to_rgb(opened, path, background, deep)
     if upright:
         turned = UPRIGHT[orientation if orientation in UPRIGHT else 1](rgb)
     else:
@@ -261,21 +265,15 @@ def may_be_transparent(path):
         return opened.has_transparency_data
 
 
-def check_whole(paths, background=None):
-    """ValueError, as of `decode`, naming a photo that cannot be decoded whole."""
-    for path in paths:
-        as_stored(path, background)
-
-
-def _to_rgb(image, path, background):
-    """Pillow image of any mode -> [h, w, 3] uint8."""
+def _to_rgb(image, path, background, deep):
+    """Pillow image of any mode -> [h, w, 3] uint8; deep: of colours of 16 bits."""
     if image.mode.startswith("I"):
         deep = np.asarray(image).astype(np.int64)
         if deep.min() < 0 or deep.max() > 65535:
             raise ValueError(f"{path}: grey values outside 16 bits")
         grey = ((deep + 128) // 257).astype(np.uint8)
         return np.repeat(grey[..., None], 3, axis=-1)
-    if _deep_png(path) in (2, 6):
+    if deep:
         return _deep_rgb(path, background)
     if image.mode == "F":
         raise ValueError(f"{path}: floating-point images have no agreed brightness")
@@ -287,12 +285,11 @@ def _to_rgb(image, path, background):
     return np.asarray(image if image.mode == "RGB" else image.convert("RGB"))
 
 
-def _deep_png(path):
-    """The kind of colour of a PNG of 16 bits, 0 for grey; None of all others."""
+def _is_deep_grey(path):
+    """Whether a file is a PNG of grey values of 16 bits, as depth maps are."""
     with faults.opened(path) as file:
         head = file.read(26)
-    is_deep = head[:8] == PNG and len(head) == 26 and head[24] == 16
-    return head[25] if is_deep else None
+    return head[:8] == PNG and head[24:] == b"\x10\x00"
 
 
 def _deep_rgb(path, background):

@@ -226,12 +226,12 @@ def read_mask(path, photo, upright=False):
     upright: EXIF's orientation of the photo is applied to both. A mask may be smaller
     or larger, or turned as EXIF turns the photo; ValueError for one of another shape.
     """
-    size, orientation, *_ = photos.head(photo)
+    head = photos.head(photo)
+    size, orientation = head.size, head.orientation
     counts = (photos.as_stored(path, "black") > 0).any(axis=-1)
     own = counts.shape[::-1]
     if not prepare.has_shape(own, size):
-        turned = orientation in photos.SIDEWAYS and prepare.has_shape(own, size[::-1])
-        if not turned:
+        if not head.lies_as(own):
             raise ValueError(
                 f"{path} is {own[0]}x{own[1]}, its photo {size[0]}x{size[1]}"
             )

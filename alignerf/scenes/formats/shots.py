@@ -135,9 +135,14 @@ def placed(
     if choose and not at_place:
         k, there = choose(own.where, there, [photos_at for _, photos_at in found])
         root, photo_of = found[k]
-        there = [shot._replace(photo=photo_of[shot.name]) for shot in there]
+        paths = [photo_of[shot.name] for shot in there]
+        each = zip(there, paths, map(photos.head, paths), strict=True)
+        there = [shot._replace(photo=photo, head=head) for shot, photo, head in each]
     folders = {shot.photo.parent for shot in there}
-    beside = photo_names.listed(root) if among is None else among
+    beside = among
+    if among is None:
+        # A file that tells their places is not asked for further ones.
+        beside = () if is_told else photo_names.listed(root)
     beside = [path for path in beside if (root / path).parent in folders]
     views = photos.by_view([shot.photo for shot in there], root, beside)
     view_of = {path: view for view, path in views.items()}
@@ -232,9 +237,9 @@ def without_copies(where, found):
     first, twice = {}, []
     for shot in found:
         other = first.setdefault(held_out.identity(shot.photo), shot)
-        size = shot.size or photos.head(shot.photo).size
         if other is shot:
             continue
+        size = shot.size or photos.head(shot.photo).size
         of_both = [(s.pose, *s.of_size(size), s.size or size) for s in (other, shot)]
         if not all(map(np.array_equal, *of_both)):
             both = f"{faults.name_of(other.name)} and {faults.name_of(shot.name)}"
@@ -295,7 +300,7 @@ def views_of(
     sizes are laid on one canvas. Rows are taken as stored, as cameras of others mean
     them, or upright where only that fits a camera's size. masks: as of
     `ingest.find_masks`, where the cameras have none. Raises ValueError naming a photo
-    that is broken or of another shape than its camera.
+    of another shape than its camera; a broken one is named where it is read.
     """
     where, found = own.where, own.shots
     if not all(shot.head for shot in found):
@@ -328,8 +333,6 @@ def views_of(
         all_count = prepare.all_count(*size)
         valid.append(prepare.Photo(mask, (read_mask, *steps)) if mask else all_count)
         sizes.append(tuple(side - 2 * crop_px for side in size))
-    # One of another shape may be a gigabyte: these are refused before.
-    photos.check_whole([shot.photo for shot in found], background)
     if len(set(sizes)) > 1:
         each = [f"{n} of {w}x{h}" for (w, h), n in Counter(sizes).most_common()]
         log.warning("%s: photos of several sizes: %s", where, faults.some_names(each))

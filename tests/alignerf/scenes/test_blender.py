@@ -98,7 +98,7 @@ def test_without_a_background_they_are_refused_by_name(scene):
     with pytest.raises(
         ValueError, match=r"r_0\.png has transparent pixels.*background"
     ):
-        read(scene, None)
+        read(scene, None)[0].photos[0].read()
 
 
 def test_transforms_and_photos_take_a_background(scene):
