@@ -28,13 +28,15 @@ class Blender(posed.Posed):
         """A view's name begins with its split."""
         from alignerf.scenes.formats import shots, transforms
 
-        folder, found = Path(scene["path"]), []
+        folder, found, lost = Path(scene["path"]), [], []
         for split in SPLITS:
             path = folder / f"transforms_{split}.json"
             own = transforms.cameras_of(path, split_by_lists=False)
             found += [shot._replace(split=split) for shot in own.shots]
+            lost += own.left_out
         try:
-            own = transforms.placed(own._replace(where=folder, shots=found), folder)
+            own = own._replace(where=folder, shots=found, left_out=lost)
+            own = transforms.placed(own, folder)
         except ValueError as error:
             raise ValueError(f"{error}. {ALONE}") from None
         found = [s._replace(name=prefixed(s.split, s.name)) for s in own.shots]

@@ -69,8 +69,9 @@ class Cameras(NamedTuple):
 
     kind: what file it is, in words. points: positions [m, 3] and colours; ply: the path
     of a file of them, as the file has it. applied: nerfstudio's `applied_transform` [4,
-    4] that is in the poses. root: the photos' folder, once they are `placed`; left_out:
-    views of photos in it without a camera, and of cameras without a photo.
+    4] that is in the poses. left_out: photos whose pose is none; once cameras are
+    `placed`, views of photos without a camera and of cameras without a photo. root: the
+    photos' folder then.
     """
 
     where: Path
@@ -141,8 +142,10 @@ def placed(
     folders = {shot.photo.parent for shot in there}
     beside = among
     if among is None:
-        # A file that tells their places is not asked for further ones.
-        beside = () if is_told else photo_names.listed(root)
+        # Where the file tells places, of other photos it says nothing.
+        lost = named(list(dict.fromkeys(own.left_out)), root).values()
+        lost = [path.relative_to(root).as_posix() for path in lost]
+        beside = lost if is_told else photo_names.listed(root)
     beside = [path for path in beside if (root / path).parent in folders]
     views = photos.by_view([shot.photo for shot in there], root, beside)
     view_of = {path: view for view, path in views.items()}

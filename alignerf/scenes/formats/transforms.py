@@ -101,7 +101,7 @@ def cameras_of(path, *, split_by_lists=True) -> shots.Cameras:
     for frame in scene["frames"]:
         name = frame["file_path"]
         if is_lost(frame):
-            lost.append(told(frame))
+            lost.append(name)
             continue
         where = f"{path}: {told(frame)}"
         values = {k: v for k, v in (scene | frame).items() if v is not None}
@@ -131,9 +131,8 @@ def cameras_of(path, *, split_by_lists=True) -> shots.Cameras:
     if applied is not None:
         applied = np.vstack([applied[:3], [0, 0, 0, 1]])
         applied = applied if abs(np.linalg.det(applied)) > 1e-12 else None
-    return shots.cameras(
-        path, found, NAME, ply=scene.get("ply_file_path"), applied=applied
-    )
+    more = {"ply": scene.get("ply_file_path"), "applied": applied, "left_out": lost}
+    return shots.cameras(path, found, NAME, **more)
 
 
 def splits_of(path, scene):
