@@ -14,6 +14,8 @@ MASKS = {
     "moving": "moving",
     "others": "still",
 }
+# What a scene has to have for an image; None: the set's own.
+NEEDS = {"photo": "", "oracle": "truth", None: "testset"}
 # Images of control sets, of a `control_sets.View`.
 DRAWN = {
     "control": lambda view: view.round_trip(),
@@ -30,7 +32,9 @@ DRAWN = {
 def read():
     """All of them."""
     text = Path(__file__).with_suffix(".yaml").read_text(encoding="utf-8")
-    return [of_entry(name, **one) for name, one in yaml.safe_load(text).items()]
+    every = enumerate(yaml.safe_load(text).items())
+    # Those of other files may stand between them.
+    return [of_entry(name, order=10 * k, **one) for k, (name, one) in every]
 
 
 def of_entry(name, *, pixels, image=None, fair_for=(), **entry):
@@ -43,6 +47,7 @@ def of_entry(name, *, pixels, image=None, fair_for=(), **entry):
     for key in ("score", "difference"):
         if key in entry:
             entry[key] = Quantity(*entry[key])
+    entry = {"needs": NEEDS[image]} | entry
     entry |= {"draw": DRAWN.get(name), "fair_for": frozenset(fair_for)}
     return TestSet(name=name, pixels=pixels, make=make, **entry)
 
