@@ -71,10 +71,10 @@ def costs_of(row, trainings):
     costs["data_time_s"] = float(sum(seconds))
     costs["total_time_s"] = costs["train_time_s"] + costs["data_time_s"]
     costs |= trainings.loc[row.folder, ["params", "memory_mib"]].to_dict()
-    table = pd.DataFrame(
-        {"metric": costs.keys(), "value": costs.values()}, dtype=object
+    table = pd.Series(costs, dtype=object, name="value").rename_axis("metric")
+    return table.reset_index().assign(
+        method=row.method, round=row.round, test_set=None, view=None
     )
-    return table.assign(method=row.method, round=row.round, test_set=None, view=None)
 
 
 def views_of(path):

@@ -22,14 +22,8 @@ from alignerf.tables import columns, scores
 
 ROW = ["method", "round"]
 VIEW = ["scene", "test_set", "view"]
-NAMES = [
-    "description",
-    "moves_cameras",
-    "moves_photos",
-    "baseline",
-    "base",
-    "published",
-]
+NAMES = ["description", "baseline", "base", "published"]
+NAMES += ["moves_cameras", "moves_photos"]
 COSTS = ["train_time_s", "steps", "rays_seen", "data_time_s", "total_time_s"]
 COSTS += ["params", "memory_mib"]
 
@@ -44,11 +38,12 @@ def read(scene, table=""):
     long = csv_files.read(path, columns=columns.names("scores"))
     rows = read_trainings(scene, table).dropna(subset="method")[[*ROW, *NAMES]]
     rows = rows.astype({"round": int}).assign(scene=Path(scene).name)
-    costs = long[long["test_set"].isna()].pivot(
-        index=ROW, columns="metric", values="value"
-    )
+    costs = long[long["test_set"].isna()]
+    costs = costs.pivot(index=ROW, columns="metric", values="value")
     rows = rows.join(costs.reindex(columns=COSTS), on=ROW)
     views = rows.merge(wide(long.dropna(subset="test_set")), on=ROW)
+    if lost := {*rows["method"]} - {*views["method"]}:
+        raise ValueError(f"{path}: no scores of {min(lost)}")
     views["base"] = views["base"].str.partition("/")[0]
     first = views[views["round"] == 0].set_index(["method", "test_set", "view"])
     base_db = first["psnr_db"].rename("base_db")
@@ -119,9 +114,10 @@ def labels_of(own):
 
 def shared(views, within=()):
     """The rows that all scenes have; within: columns of groups of scenes."""
-    groups = views.groupby([*within]) if within else views
     counts = views.groupby([*within, *ROW])["scene"].transform("nunique")
-    every = groups["scene"].transform("nunique") if within else views["scene"].nunique()
+    every = views["scene"].nunique()
+    if within:
+        every = views.groupby(within)["scene"].transform("nunique")
     return views[counts == every]
 
 

@@ -140,6 +140,9 @@ def swap(old, new):
         ("trainings", swap(",20.0,", ",x,"), "column train_time_s: not numbers"),
         ("scores", without("warm,1,oracle,v1"), None),
         ("scores", swap(",20.0", ",x"), "column value: not numbers"),
+        ("scores", without("warm,"), "no scores of warm"),
+        # Of an earlier version: its costs are not known.
+        ("scores", without(r"\w+,\d,,,"), None),
         ("scores", lambda text: "", "no row"),
         ("scores", swap("method,", "name,"), "no column method"),
     ],
