@@ -77,7 +77,6 @@ def render(folder, *, rounds, base, others=None, crops=NOTHING, moved=NOTHING[:2
         facts=facts,
         summary=told.summary(scene, verdict, facts, export),
         wheel=pictures.data_uri(photos.wheel(limit_px)),
-        mark=told.MARK,
         tables=contents.tables(folder, photos.scale(folder)),
         origin=contents.origin(folder),
         docs=DOCS and quote(os.path.relpath(DOCS, folder)),

@@ -13,8 +13,8 @@ SIGNS = dict(zip(report.LEVELS, ("\u2715", "!", "\u2713", "?"), strict=True))
 KINDS = {"ok": "\u2713", "faulty": "\u2715", "unclear": "\u2013"}
 # Of verdicts on planted faults, each by limits that were fitted on other captures.
 ACCURACY = provenance.PIPELINE / "docs" / "measured" / "verdicts.csv"
-# A bar's mark, where the limit is, in shares of its width; and the least that is seen.
-MARK, LEAST = 0.5, 0.02
+# A bar that is longer than the page is none the longer.
+LARGEST = 10.0
 # Of an interval so wide a hundredth says nothing.
 WIDE_DB = 0.5
 
@@ -47,60 +47,39 @@ def how_right():
 
 
 def gauge(one):
-    """A cause with its sign, and its bar: `filled`, and whether it is `clipped`.
+    """A cause with its sign, and its `share` of the limit: above 1 is worse.
 
-    filled: in shares of the bar's width, MARK at the limit, longer is worse; None where
-    nothing was measured or it is not significant, and where none is allowed or found.
+    None where nothing was measured or it is not significant, and where none is allowed
+    or found.
     """
-    value, limit = one["value"], one["limit"]
-    if one["note"] or one["level"] == report.UNKNOWN or None in (value, limit):
-        filled = None
-    else:
+    value, limit, share = one["value"], one["limit"], None
+    told = not one["note"] and one["level"] != report.UNKNOWN
+    if told and None not in (value, limit):
         part, whole = (limit, value) if one["more_is_better"] else (value, limit)
-        filled = MARK * part / whole if whole > 0 else (2.0 if part > 0 else None)
-    clipped = filled is not None and filled > 1
-    bar = filled if filled is None else min(max(filled, LEAST), 1.0)
-    return one | {"sign": SIGNS[one["level"]], "filled": bar, "clipped": clipped}
+        share = part / whole if whole > 0 else (LARGEST if part > 0 else None)
+    return one | {"sign": SIGNS[one["level"]], "share": share and min(share, LARGEST)}
 
 
 def fixes(tried):
-    """{rows, zero, against} of the fixes of a run; None where nothing was tried.
+    """{rows, low, high, against} of the fixes of a run; None where nothing was tried.
 
-    Rows have `start`, `width`, `low_at` and `span` of their bars, in percent of all
-    bars' width, and `text_of` gain and interval; a fix without an interval has a line
-    of no width. against: the test set in words; where they differ, each row's notes
-    have its own.
+    Rows have `kind`, `sign`, and `text_of` gain and interval; a fix without an interval
+    has its gain for both ends. low, high: dB that all bars lie between. against: the
+    test set in words; where they differ, each row's notes have its own.
     """
     if not tried:
         return None
-    tried = [one | ends_of(one) for one in tried]
-    ends = [end for one in tried for end in (one["low"], one["high"], 0.0)]
-    low, high = min(ends), max(ends)
-
-    def at(db):
-        return 100 * (db - low) / max(high - low, 1e-9)
-
     against = dict.fromkeys(testsets.against(one["test_set"]) for one in tried)
     rows = []
-    for one in tried:
+    for one in (one | ends_of(one) for one in tried):
         kind = "ok" if one["pays"] else "faulty" if one["high"] < 0 else "unclear"
         apart = [testsets.against(one["test_set"])] * (len(against) > 1)
-        start, end = at(min(one["db"], 0)), at(max(one["db"], 0))
-        rows.append(
-            one
-            | {
-                "kind": kind,
-                "sign": KINDS[kind],
-                "notes": [*apart, *one["notes"]],
-                "start": start,
-                "width": end - start,
-                "text_of": spoken(one),
-                "low_at": at(one["low"]),
-                "span": at(one["high"]) - at(one["low"]),
-            }
-        )
+        more = {"notes": [*apart, *one["notes"]], "text_of": spoken(one)}
+        rows.append(one | {"kind": kind, "sign": KINDS[kind]} | more)
+    ends = [0.0, *(row[end] for row in rows for end in ("db", "low", "high"))]
+    low, high = min(ends), max(*ends, min(ends) + 1e-9)
     said = next(iter(against)) if len(against) == 1 else ""
-    return {"rows": rows, "zero": at(0.0), "against": said}
+    return {"rows": rows, "low": low, "high": high, "against": said}
 
 
 def ends_of(one):

@@ -38,7 +38,7 @@ def test_a_cause_is_named_said_advised_on_and_shown(soft, e):
         gauge = found["gauges"][-1]
         assert (gauge["name"], gauge["level"]) == ("detail of all photos", level)
         # More is better.
-        assert (gauge["filled"] > 0.5) == (level != "ok")
+        assert (gauge["share"] > 1) == (level != "ok")
         assert ("soft" in found["headline"]) == (level != "ok")
         assert found["state"] == "aligned"
         if level == "ok":

@@ -73,6 +73,21 @@ def test_nothing_is_wrong_on_the_console_and_nothing_is_fetched(opened):
     assert [name for name in fetched if not name.startswith("data:")] == []
 
 
+def test_bars_end_where_their_numbers_lie(opened):
+    script = """
+    const ends = (bar) => {
+      const whole = bar.getBoundingClientRect();
+      return [...bar.children].map((one) => one.getBoundingClientRect())
+        .map((one) => [one.left, one.right].map((x) => (x - whole.left) / whole.width));
+    };
+    return [...document.querySelectorAll(".bar-of")].map(ends);"""
+    # Of both gains: from 0, from end to end of the interval, and the line at 0.
+    db = [[0, 1.2, 0.9, 1.5, 0, 0], [-0.4, 0, -0.7, -0.1, 0, 0]]
+    for bar, places in zip(opened.execute_script(script), db, strict=True):
+        wanted = [(place + 0.7) / 2.2 for place in places]
+        assert [end for one in bar for end in one] == pytest.approx(wanted, abs=0.01)
+
+
 def test_it_opens_with_before_and_after_and_says_so(opened):
     layers = ("render", "render after round 1")
     for place, layer in zip(("first", "second"), layers, strict=True):

@@ -45,14 +45,6 @@ def test_headings_are_those_of_the_registry(results):
     assert "flow (px)" in [column["text"] for column in shown["views"]["columns"]]
 
 
-def test_what_moves_by_itself_and_what_no_camera_explains_have_their_own_words():
-    headings = [
-        columns.TABLES[table].columns["moved_fraction"].heading
-        for table in ("views", "displacement")
-    ]
-    assert headings == ["moves by itself (%)", "not explained by the camera (%)"]
-
-
 @pytest.mark.parametrize("table", ["views", "displacement"])
 def test_the_page_says_why_a_part_can_be_longer_than_the_whole(table):
     note = columns.TABLES[table].note
