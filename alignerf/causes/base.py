@@ -224,10 +224,13 @@ class Finding(NamedTuple):
         return fix in NEW_PHOTOS, not self.sure, *place
 
 
-def beyond(value, limit, *, more_is_better=False, **more):
-    """The `Finding` of a value: found beyond its limit, sure beyond twice the limit."""
+def beyond(value, limit, *, more_is_better=False, where=True, **more):
+    """The `Finding` of a value: found beyond its limit, sure beyond twice the limit.
+
+    where: what has to hold besides.
+    """
     size, least = (limit, value) if more_is_better else (value, limit)
-    sure = size > 2 * least if size > least else None
+    sure = size > 2 * least if size > least and where else None
     return Finding(value, limit, sure, more_is_better, **more)
 
 

@@ -72,13 +72,13 @@ def find_floaters(e):
     if not (e.judged and e.judged.depth == "given"):
         return None
     share = e.hidden_views / max(e.train_views + e.test_views, 1)
-    found = base.beyond(
+    return base.beyond(
         100 * share,
         100 * FLOATER_VIEWS,
+        where=e.hidden_views >= MIN_VIEWS,
         said=f"{e.hidden_views:.0f} views",
         measured=f"in {base.number(e.hidden_views)} views",
     )
-    return found if e.hidden_views >= MIN_VIEWS else found._replace(sure=None)
 
 
 SPARSE = base.Cause(

@@ -92,20 +92,15 @@ def of_part(e, part, by_flows=None):
     return found._replace(explains=is_alone(e), stands=px > 0)
 
 
-def of_flows(e, px, limit_px, is_known):
-    """The `base.Finding` of a length in px of the training; not found by chance."""
-    found = base.beyond(e.photo_px * px, e.photo_px * limit_px)
-    return found if is_known else found._replace(sure=None)
-
-
 def find_shift(e):
     """All photos are shifted alike: the lens, or the origin of pixels."""
     px = e.photo_px * e.shift_px
     is_rest = e.shift_px < SHIFT_FRACTION * misalignment.flow_px(e)
     # Our trainings see the photos by the cameras that matches have tested.
     denied = e.matches and e.matches.lens and not e.judged
-    is_known = e.shift_errors > LENS_ERRORS and not (is_rest or denied)
-    found = of_part(e, "centre", of_flows(e, e.shift_px, SHIFT_PX, is_known))
+    where = e.shift_errors > LENS_ERRORS and not (is_rest or denied)
+    by_flows = base.beyond(px, e.photo_px * SHIFT_PX, where=where)
+    found = of_part(e, "centre", by_flows)
     probably = base.probably(found.sure)
     if found.stands:
         said = f"The principal point is {probably}off: matches between photos put it "
@@ -119,9 +114,9 @@ def find_shift(e):
 
 def find_distortion(e):
     """All photos are bent alike."""
-    is_known = e.distortion_errors > LENS_ERRORS and not (e.matches and e.matches.lens)
-    by_flows = of_flows(e, e.distortion_px, BEND_PX, is_known)
-    return of_part(e, "distortion", by_flows)
+    where = e.distortion_errors > LENS_ERRORS and not (e.matches and e.matches.lens)
+    px, limit_px = e.photo_px * e.distortion_px, e.photo_px * BEND_PX
+    return of_part(e, "distortion", base.beyond(px, limit_px, where=where))
 
 
 def find_focal(e):
