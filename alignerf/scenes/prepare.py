@@ -105,7 +105,9 @@ def true_scale(given_size, true_size, *, where):
     Intrinsics may be those of the photo at another size than it is stored in. Raises
     ValueError naming `where` for sizes that are not positive or of another shape.
     """
-    (given_width, given_height), (width, height) = given_size, true_size
+    # As Python's numbers, of which the smallest are divided by without a warning.
+    given_width, given_height = given_size = (*map(float, given_size),)
+    width, height = true_size
     if min(given_size) <= 0:
         raise ValueError(f"{where}: width and height of its camera must be positive")
     scale = np.array([width / given_width, height / given_height])
