@@ -143,9 +143,9 @@ def placed(
     beside = among
     if among is None:
         # Where the file tells places, of other photos it says nothing.
-        lost = named(list(dict.fromkeys(own.left_out)), root).values()
-        lost = [path.relative_to(root).as_posix() for path in lost]
-        beside = lost if is_told else photo_names.listed(root)
+        bare = named(list(dict.fromkeys(own.left_out)), root).values()
+        bare = [path.relative_to(root).as_posix() for path in bare]
+        beside = bare if is_told else photo_names.listed(root)
     beside = [path for path in beside if (root / path).parent in folders]
     views = photos.by_view([shot.photo for shot in there], root, beside)
     view_of = {path: view for view, path in views.items()}
@@ -221,15 +221,23 @@ def at(root, name):
 
 def elsewhere(root, names, among):
     """What photos there are in place of those that are gone, in words."""
-    above = Path(os.path.normpath(root.absolute())).parent
-    inside = os.path.normpath(root.absolute())
-    said = {os.path.normpath(above / os.path.dirname(Path(inside, n))) for n in names}
-    for place in [*sorted(said), *sorted(map(str, above.iterdir()))]:
-        is_outside = not Path(place).is_relative_to(inside) and os.path.isdir(place)
-        if is_outside and photo_names.match(names, os.listdir(place)):
+    inside = Path(os.path.normpath(root.absolute()))
+    said = {os.path.normpath(Path(inside, name).parent) for name in names}
+    beside = (inside.parent / name for name in sorted(names_in(inside.parent)))
+    for place in map(Path, [*sorted(said), *beside]):
+        is_outside = not place.is_relative_to(inside)
+        if is_outside and photo_names.match(names, names_in(place)):
             return f". Photos so called lie in {place}: move or link it into that"
     others = photo_names.listed(root) if among is None and root.is_dir() else among
     return f" (there are {faults.some_names(others)})" if others else ""
+
+
+def names_in(folder):
+    """Names of all that lies in a folder; none of what is no folder, or not to read."""
+    try:
+        return os.listdir(folder)
+    except (OSError, ValueError):
+        return []
 
 
 def without_copies(where, found):

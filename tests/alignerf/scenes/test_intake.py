@@ -12,6 +12,7 @@ from PIL import Image
 from alignerf.captures import base, typed
 from alignerf.cli import folders
 from alignerf.scenes.capture import ingest
+from alignerf.scenes.external import views as judged
 
 WIDTH, HEIGHT, COUNT = 60, 40, 6
 LENS = {"fl_x": 70.0, "fl_y": 70.0, "cx": 31.0, "cy": 19.0, "w": WIDTH, "h": HEIGHT}
@@ -448,6 +449,30 @@ def test_numbers_of_photos_of_another_size_are_told(tmp_path, times, size, caplo
     expected = [[70, 0, 31], [0, 70, 19], [0, 0, 1]]
     np.testing.assert_allclose(np.linalg.inv(views.pixtocams[0]), expected)
     assert f"cameras of photos {times} times as large" in caplog.text
+
+
+@pytest.mark.parametrize("source", ["transforms", "mipnerf360"])
+@pytest.mark.parametrize("times", [1, 2, 0.25])
+@pytest.mark.parametrize("is_stated", [False, True])
+def test_a_judgement_has_the_cameras_of_a_training(tmp_path, source, times, is_stated):
+    """Also of a file whose numbers are not of the size that it says."""
+    write_photos(tmp_path / "images")
+    if source == "transforms":
+        lens = {key: times * value for key, value in LENS.items()}
+        lens |= {} if is_stated else {"w": WIDTH, "h": HEIGHT}
+        write_transforms(tmp_path, lens=lens)
+    else:
+        size = (round(times * WIDTH), round(times * HEIGHT))
+        write_model(tmp_path / "sparse/0", size=size if is_stated else (WIDTH, HEIGHT))
+    _, views, _ = read(tmp_path)
+    found = judged.taken(tmp_path / "images", tmp_path).shots
+    assert [shot.name for shot in found] == views.names
+    for shot, pose_of, pixtocam in zip(
+        found, views.camtoworlds, views.pixtocams, strict=True
+    ):
+        np.testing.assert_array_equal(shot.pose, pose_of)
+        lens, _ = shot.at((WIDTH, HEIGHT), shot.name)
+        np.testing.assert_allclose(lens, np.linalg.inv(pixtocam))
 
 
 def test_a_crop_among_others_is_not_taken_for_numbers_of_a_smaller_photo(tmp_path):
