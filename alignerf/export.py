@@ -98,7 +98,7 @@ def main(argv=None):
             work,
             arrays,
             chosen.views.points,
-            seed=config["seed"] if config else 0,
+            seed=config.seed if config else 0,
             moved=chosen.moved,
             views=agreeing,
         )

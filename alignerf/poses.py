@@ -62,12 +62,13 @@ def main(config, out, whole=None, cameras=None, places=None, adjust=False):
     capture = base.of(config)
     if capture.parent(config):
         return of_crops(config, out, Path(whole), cameras, places)
-    started, where = time.monotonic(), config["path"] or out
+    started, where = time.monotonic(), config.path or out
     with atomic.scratch_folder(out) as scratch:
         full, told, scene = capture.read(config, scratch)
-        told["downscale_decided"] = config["downscale"] == "auto"
-        told["perturb_by"] = config["perturb_by"]
+        told["downscale_decided"] = config.downscale == "auto"
+        told["perturb_by"] = config.perturb_by
         full = mistakes.stated(prepare.sort_by_name(full), config)
+        config = with_size(config, full)
         given = for_training(full, config)
         prepared.check_views(where, given)
         if capture.trains:
@@ -82,7 +83,7 @@ def main(config, out, whole=None, cameras=None, places=None, adjust=False):
         named = dict(zip(views.names, split.tolist(), strict=True))
         held_out.check(where, given, named)
         if capture.trains:
-            check_enough(split, config["min_train_views"], where)
+            check_enough(split, config.min_train_views, where)
             warn_of_few(out, split)
         fresh = scratch / "new"
         prepare.write_views(fresh, views, split=split)
@@ -95,7 +96,7 @@ def main(config, out, whole=None, cameras=None, places=None, adjust=False):
                 truth.select(scene, views.names),
                 views,
                 split=split,
-                perturb_px=config["perturb_px"],
+                perturb_px=config.perturb_px,
             )
         files = [*originals.of_views(config, full), *told.pop("files", ())]
         outer = [path for path in files if scratch not in Path(path).parents]
@@ -118,7 +119,7 @@ def of_crops(config, out, whole, cameras, places):
     started = time.monotonic()
     originals.check(whole)
     told = prepared.read_poses(whole)
-    least = config["min_train_views"] + 1
+    least = config.min_train_views + 1
     with atomic.scratch_folder(out) as scratch:
         views = loading.read(config, whole, scratch, cameras)
         try:
@@ -155,18 +156,23 @@ def of_crops(config, out, whole, cameras, places):
 
 
 def for_training(views, config):
-    """The views by name, at the resolution of training; sets an open `downscale`."""
-    views = prepare.sort_by_name(views)
-    if config["downscale"] == "auto":
-        config["downscale"] = prepare.factor_for(views, MAX_PIXELS, MIN_SIDE_PX)
-        log.info("downscale: %d", config["downscale"])
-    return prepare.downscale(views, config["downscale"])
+    """The views by name, at the resolution of training."""
+    return prepare.downscale(prepare.sort_by_name(views), config.downscale)
+
+
+def with_size(config, views):
+    """The config with the `downscale` that the views ask for, where that is open."""
+    if config.downscale != "auto":
+        return config
+    factor = prepare.factor_for(views, MAX_PIXELS, MIN_SIDE_PX)
+    log.info("downscale: %d", factor)
+    return config.model_copy(update={"downscale": factor})
 
 
 def perturbed(views, config):
     """Their poses [n, 3, 4] with the config's error: `perturb_px` by `perturb_by`."""
-    poses, rng = views.camtoworlds, np.random.default_rng([config["seed"], 1])
-    px, by, points = config["perturb_px"], config["perturb_by"], views.points
+    poses, rng = views.camtoworlds, np.random.default_rng([config.seed, 1])
+    px, by, points = config.perturb_px, config.perturb_by, views.points
     return cameras.perturb_poses(
         poses, views.pixtocams, px, rng, by, points and points[0]
     )
@@ -181,10 +187,10 @@ def check_cameras(full, scratch, config, adjust):
     if not capture.trains:
         large = prepare.sort_by_name(capture.at_full_size(config, None, scratch))
         full = large._replace(camtoworlds=full.camtoworlds)
-    own, matched = config["poses"] == "adjusted", None
+    own, matched = config.poses == "adjusted", None
     adjusts = own or adjust or not capture.trains
     if (scratch / "database.db").is_file():
-        matched = checking.matches_of_colmap(scratch, full, seed=config["seed"])
+        matched = checking.matches_of_colmap(scratch, full, seed=config.seed)
     return checking.check(
         full, scratch, config, adjusts=adjusts, lens=own, matched=matched
     )
@@ -193,16 +199,16 @@ def check_cameras(full, scratch, config, adjust):
 def with_checked(full, told, checked, scratch, config):
     """The views and the report with what the check of their cameras has found."""
     told = told | {"camera_check": checked.report}
-    if config["poses"] == "adjusted" and checked.found:
-        where = config["path"] or config["source"]
+    if config.poses == "adjusted" and checked.found:
+        where = config.path or config.source
         full = calibration.applied(full, checked.cameras_of(full), where)
         points = checked.found.points
     elif full.points is not None or not base.of(config).trains:
         return full, told
     else:
-        points = checking.triangulated(checked, scratch, config["seed"])[0]
+        points = checking.triangulated(checked, scratch, config.seed)[0]
     if not len(points.positions):
-        log.warning("%s: its views share no points", config["path"])
+        log.warning("%s: its views share no points", config.path)
         return full._replace(points=None), told
     full = full._replace(points=(points.positions, points.colours))
     return full, told | checking.points_told(points, full, checked.matches)
@@ -241,7 +247,7 @@ def split_of(views, config):
     if views.split is None:
         every = base.of(config).every_of(config, len(views.names))
         return prepare.split_views(len(views.names), test_every=every)
-    if config["test_every"] is not None and base.of(config).trains:
+    if config.test_every is not None and base.of(config).trains:
         log.warning("test_every: the given file itself says what is held out")
     return views.split
 
@@ -272,16 +278,16 @@ def describe_views(views, photo_size, split, config):
     """The part of the report about source, sizes, focal length and split."""
     camtopix = np.linalg.inv(views.pixtocams)
     return {
-        "source": config["source"],
-        "input": config["path"] and faults.resolved(Path(config["path"])).name,
-        "poses": config["poses"],
+        "source": config.source,
+        "input": config.path and faults.resolved(Path(config.path)).name,
+        "poses": config.poses,
         "width": views.width,
         "height": views.height,
         "photo_width": photo_size[0],
         "photo_height": photo_size[1],
-        "downscale": config["downscale"],
+        "downscale": config.downscale,
         "focal_px": [float(camtopix[:, i, i].mean()) for i in (0, 1)],
-        "perturb_px": config["perturb_px"],
+        "perturb_px": config.perturb_px,
         **{f"{name}_views": int((split == name).sum()) for name in prepared.SPLITS},
     }
 

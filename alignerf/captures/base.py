@@ -1,6 +1,6 @@
 """A capture: where photos and cameras come from, and all that others ask of it.
 
-`scene` is the mapping of a scene's keys, complete; `views` are `prepare.PosedViews`.
+`scene` is a scene's keys, `keys.scene.Scene`; `views` are `prepare.PosedViews`.
 """
 
 import functools
@@ -88,9 +88,9 @@ class Capture:
     def poses_of(self, scene):
         """The way of having poses; without features no camera can be adjusted."""
         usual = self.poses
-        if scene["triangulate"] is False and "input" in usual:
+        if scene.triangulate is False and "input" in usual:
             usual = ("input",)
-        return scene["poses"] or usual[0]
+        return scene.poses or usual[0]
 
     def every_of(self, scene, views):
         """The n of a scene whose every n-th view of `views` is held out.
@@ -99,7 +99,7 @@ class Capture:
         views no such n leaves 12 to learn from: it stays 8, as no interval can be had
         anyway.
         """
-        every = scene["test_every"] or (SELDOM if self.every_eighth else "auto")
+        every = scene.test_every or (SELDOM if self.every_eighth else "auto")
         if every != "auto":
             return every
         some = range(SELDOM, OFTEN - 1, -1)
@@ -112,7 +112,7 @@ class Capture:
         Input cameras are unless the scene says no, the courtyard's true ones where it
         says so. COLMAP's poses have both already.
         """
-        poses, wanted = self.poses_of(scene), scene["triangulate"]
+        poses, wanted = self.poses_of(scene), scene.triangulate
         return poses in INPUT if wanted is None else wanted and poses != "colmap"
 
     def cameras_by(self, scene):
@@ -131,10 +131,6 @@ class Capture:
         """The verdict.json of earlier renders, with which these are compared."""
         return None
 
-    def paths(self, scene):
-        """{key: path or None} of the files and folders that views are made of."""
-        return {key: scene[key] for key in ("path", "masks")}
-
     def faults(self, scene):
         """(key, fault) of what a scene's keys ask of each other, besides the usual."""
         return ()
@@ -149,20 +145,8 @@ def every():
 
 def of(scene):
     """The record of a scene: of its source, or of crops of such."""
-    source = every()[scene["source"]]
-    return crops.Crops(source) if scene.get("crop") else source
-
-
-def section(scene, key):
-    """The mapping under a key of a scene; a config as it was written may lack it."""
-    found = scene.get(key)
-    return found if isinstance(found, dict) else {}
-
-
-def reads(scene):
-    """{key: path or None} of all that a scene reads."""
-    record = of(scene)
-    return record.paths(scene) | {"external_renders.before": record.before(scene)}
+    source = every()[scene.source]
+    return crops.Crops(source) if scene.crop else source
 
 
 def detected(folder):

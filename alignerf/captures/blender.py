@@ -28,7 +28,7 @@ class Blender(posed.Posed):
         """A view's name begins with its split."""
         from alignerf.scenes.formats import shots, transforms
 
-        folder, found, lost = Path(scene["path"]), [], []
+        folder, found, lost = Path(scene.path), [], []
         for split in SPLITS:
             path = folder / f"transforms_{split}.json"
             own = transforms.cameras_of(path, split_by_lists=False)
@@ -41,7 +41,7 @@ class Blender(posed.Posed):
             raise ValueError(f"{error}. {ALONE}") from None
         found = [s._replace(name=prefixed(s.split, s.name)) for s in own.shots]
         own = own._replace(shots=found)
-        return shots.views_of(own, background=scene["background"]), own.left_out
+        return shots.views_of(own, background=scene.background), own.left_out
 
 
 def prefixed(split, name):

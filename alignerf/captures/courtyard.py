@@ -61,9 +61,9 @@ class CourtyardCapture(base.Capture):
     def read(self, scene, scratch):
         from alignerf.scenes import loading
 
-        log.info("rendering %d photos of the courtyard", scene["courtyard"]["views"])
+        log.info("rendering %d photos of the courtyard", scene.courtyard.views)
         views, true = rendered(scene, scratch)
-        if scene["poses"] == "colmap":
+        if scene.poses == "colmap":
             return *by_colmap(scratch / "photos", scratch, true, scene), true
         return views, loading.registration(true.names, []), true
 
@@ -71,20 +71,20 @@ class CourtyardCapture(base.Capture):
         return rendered(scene, scratch)[0]
 
     def faults(self, scene):
-        model = scene["colmap"]["camera_model"]
+        model = scene.colmap.camera_model
         if model not in (None, "PINHOLE", "SIMPLE_PINHOLE"):
             # Undoing a distortion that is not there would move photos off their flow.
             yield "colmap.camera_model", f"courtyard is a PINHOLE, not {model}"
-        own = scene["courtyard"]
-        zooms, views = own["zooms"], own["views"]
-        if scene["poses"] == "colmap" and set(zooms) != {1}:
+        own = scene.courtyard
+        zooms, views = own.zooms, own.views
+        if self.poses_of(scene) == "colmap" and set(zooms) != {1}:
             # COLMAP is told of one camera for all photos.
             yield "courtyard.zooms", "other than 1 needs poses: truth"
         if 1 < len(zooms) > views // self.every_of(scene, views):
             reason = f"{len(zooms)} of them are more than there are test views"
             yield "courtyard.zooms", reason
-        if 3 * views * own["width"] * own["height"] > MAX_PHOTO_BYTES:
-            size = f"{views} photos of {own['width']}x{own['height']} are more than"
+        if 3 * views * own.width * own.height > MAX_PHOTO_BYTES:
+            size = f"{views} photos of {own.width}x{own.height} are more than"
             yield "courtyard", f"{size} {MAX_PHOTO_BYTES / 2**30:g} GiB"
 
 
@@ -95,11 +95,11 @@ def rendered(scene, scratch):
     from alignerf.scenes.courtyard import scene as courtyard
     from alignerf.scenes.courtyard import truth
 
-    folder, made = scratch / "photos", scene["courtyard"]
+    folder, made = scratch / "photos", dict(scene.courtyard)
     folder.mkdir()
     if made["moving"] is None:
-        made = made | {"moving": list(courtyard.MOVING)}
-    true = truth.build_courtyard(**made, seed=scene["seed"])
+        made["moving"] = list(courtyard.MOVING)
+    true = truth.build_courtyard(**made, seed=scene.seed)
     truth.write_photos(folder, true)
     views = prepare.PosedViews(
         names=true.names,

@@ -14,15 +14,15 @@ class Crops:
 
     def parent(self, scene):
         """The name of the scene that crops are of."""
-        return scene["crop"]["of"]
+        return scene.crop.of
 
     def cameras_by(self, scene):
         """The method whose cameras of that scene crops have; None: as given."""
-        return scene["crop"]["cameras"]
+        return scene.crop.cameras
 
     def size(self, scene):
         """(side of a crop in px at most, crops of each photo at most)."""
-        return scene["crop"]["px"], scene["crop"]["count"]
+        return scene.crop.px, scene.crop.count
 
     def wants_matches(self, scene):
         """They have the points of the scene that they are of."""

@@ -19,7 +19,7 @@ class Exported(posed.Posed):
     def read_given(self, scene):
         from alignerf.scenes.programs import reading
 
-        return reading.views_of(scene["path"], scene["masks"])
+        return reading.views_of(scene.path, scene.masks)
 
 
 CAPTURE = Exported()

@@ -2,11 +2,8 @@
 
 from typing import Literal
 
-from alignerf.captures import base, posed
-from alignerf.experiment.keys.key import Keys, key
-
-# Of the key `external_renders`: files and folders that are read.
-PATHS = ("renders", "cameras", "depth")
+from alignerf.captures import posed
+from alignerf.experiment.keys.key import PATH, Keys, key
 
 
 class ExternalRenders(Keys):
@@ -15,33 +12,29 @@ class ExternalRenders(Keys):
     `make judge` writes it.
     """
 
-    renders: str = key(
+    renders: PATH = key(
         what="folder of its renders of the photos, as nerfstudio, gsplat or Gaussian "
         "splatting write them, or with the photos' names",
-        pattern=r"\S",
     )
     splits: list[Literal["train", "test"]] = key(
         ["train", "test"],
         "which photos have renders: training ones, held-out ones, or both",
         length=(1, 2),
     )
-    cameras: str | None = key(
+    cameras: PATH | None = key(
         None,
         "transforms.json, COLMAP's sparse/0, or cameras.json of Gaussian splatting, or "
         "their folder; null: a field of view is assumed",
-        pattern=r"\S",
     )
-    depth: str | None = key(
+    depth: PATH | None = key(
         None,
         "folder of the renders' depth along the optical axis, in the unit of the "
         "cameras: .npz, .npy; null: from the points that cameras came with, else all "
         "is far away",
-        pattern=r"\S",
     )
-    before: str | None = key(
+    before: PATH | None = key(
         None,
         "verdict.json of earlier results to compare with",
-        pattern=r"\S",
     )
 
 
@@ -72,36 +65,27 @@ class JudgedCapture(posed.Posed):
         return views.at_full_size(scene)
 
     def wants_matches(self, scene):
-        return bool(keys_of(scene).get("cameras")) and super().wants_matches(scene)
+        return bool(scene.external_renders.cameras) and super().wants_matches(scene)
 
     def splits(self, scene):
-        return keys_of(scene).get("splits") or super().splits(scene)
+        return scene.external_renders.splits
 
     def can_export(self, scene):
-        return bool(keys_of(scene).get("cameras")) and "train" in self.splits(scene)
+        return bool(scene.external_renders.cameras) and "train" in self.splits(scene)
 
     def before(self, scene):
-        return keys_of(scene).get("before")
-
-    def paths(self, scene):
-        read = {f"external_renders.{key}": keys_of(scene).get(key) for key in PATHS}
-        return super().paths(scene) | read
+        return scene.external_renders.before
 
     def faults(self, scene):
         """The pairs stay as they are: nothing of them is made smaller."""
-        if not keys_of(scene):
+        if not scene.external_renders:
             yield (
                 "external_renders",
                 "goes with source 'external_renders', and that with it",
             )
         for name, usual in (("downscale", 1), ("crop", None), ("perturb_px", 0)):
-            if scene[name] != usual:
+            if getattr(scene, name) != usual:
                 yield name, "not of renders that are judged"
-
-
-def keys_of(scene):
-    """Those of `external_renders`."""
-    return base.section(scene, "external_renders")
 
 
 CAPTURE = JudgedCapture()

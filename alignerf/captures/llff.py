@@ -16,7 +16,7 @@ class Llff(posed.Posed):
     def read_given(self, scene):
         from alignerf.scenes.formats import llff
 
-        return llff.read(scene["path"], masks=scene["masks"]), []
+        return llff.read(scene.path, masks=scene.masks), []
 
 
 CAPTURE = Llff()

@@ -34,7 +34,7 @@ class MipNerf360(posed.Posed):
         from alignerf.scenes.formats import mipnerf360
         from alignerf.sfm import pairing
 
-        keys = (scene[key] for key in ("path", "images", "masks"))
+        keys = (scene.path, scene.images, scene.masks)
         return mipnerf360.read(*keys, pairing.choose)
 
 

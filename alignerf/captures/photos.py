@@ -28,12 +28,12 @@ class Photos(base.Capture):
     def read(self, scene, scratch):
         from alignerf.scenes import loading
 
-        return loading.by_colmap(scene["path"], scratch, scene)
+        return loading.by_colmap(scene.path, scratch, scene)
 
     def at_full_size(self, scene, folder, scratch):
         from alignerf.scenes import loading
 
-        return loading.once_more(scene["path"], scene, folder, scratch)
+        return loading.once_more(scene.path, scene, folder, scratch)
 
 
 def inner_of(folder):

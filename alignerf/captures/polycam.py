@@ -70,7 +70,7 @@ class Polycam(posed.App):
     def read_given(self, scene):
         from alignerf.scenes.formats import shots
 
-        folder = scene["path"]
+        folder = scene.path
         self.check(folder)
         inner, (_, cameras) = keyframes_of(folder), kinds_of(folder)
         found, left_out = self.shots_of(
@@ -83,7 +83,7 @@ class Polycam(posed.App):
         shots.check_apart(found, inner / cameras)
         crop_px = CROP_PX if is_optimised(folder) else 0
         own = shots.cameras(inner, found)
-        return shots.views_of(own, crop_px=crop_px, masks=scene.get("masks")), left_out
+        return shots.views_of(own, crop_px=crop_px, masks=scene.masks), left_out
 
 
 def keyframes_of(folder):

@@ -46,8 +46,8 @@ class App(Posed):
     def read(self, scene, scratch):
         from alignerf.scenes import loading
 
-        path = scene["path"]
-        if scene["poses"] == "colmap":
+        path = scene.path
+        if scene.poses == "colmap":
             links = self.link_photos(path, scratch)
             return loading.by_colmap(links, scratch, scene, where=path)
         views, told, truth = super().read(scene, scratch)
@@ -58,8 +58,8 @@ class App(Posed):
     def at_full_size(self, scene, folder, scratch):
         from alignerf.scenes import loading
 
-        if scene["poses"] == "colmap":
-            links = self.link_photos(scene["path"], scratch)
+        if scene.poses == "colmap":
+            links = self.link_photos(scene.path, scratch)
             return loading.once_more(links, scene, folder, scratch)
         return super().at_full_size(scene, folder, scratch)
 

@@ -50,7 +50,7 @@ class Record3d(posed.App):
     def read_given(self, scene):
         from alignerf.scenes.formats import shots
 
-        folder = scene["path"]
+        folder = scene.path
         frames, path = chosen(folder), first_of(folder, METADATA)
         if path is None:
             raise ValueError(f"{folder}: no metadata.json: it has Record3D's poses")
@@ -74,7 +74,7 @@ class Record3d(posed.App):
         ]
         shots.check_apart(found, path)
         own = shots.cameras(path, found)
-        return shots.views_of(own, masks=scene.get("masks")), left_out
+        return shots.views_of(own, masks=scene.masks), left_out
 
 
 def first_of(folder, names):

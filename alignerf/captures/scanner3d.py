@@ -51,7 +51,7 @@ class Scanner3d(posed.App):
     def read_given(self, scene):
         from alignerf.scenes.formats import shots
 
-        folder = scene["path"]
+        folder = scene.path
         self.check(folder)
         found, left_out = self.shots_of(
             folder, lambda name: Path(folder) / f"{name}.json", shot_of
@@ -60,7 +60,7 @@ class Scanner3d(posed.App):
             log.warning("%s: no JSON of %s", folder, faults.some_names(left_out))
         shots.check_apart(found, folder)
         own = shots.cameras(folder, found)
-        return shots.views_of(own, masks=scene.get("masks")), left_out
+        return shots.views_of(own, masks=scene.masks), left_out
 
 
 def shot_of(name, photo, path):

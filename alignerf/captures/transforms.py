@@ -16,8 +16,8 @@ class Transforms(posed.Posed):
         from alignerf.scenes.formats import transforms
         from alignerf.sfm import pairing
 
-        keys = {key: scene[key] for key in ("background", "images", "masks")}
-        return transforms.read(scene["path"], **keys, choose=pairing.choose)
+        keys = {key: getattr(scene, key) for key in ("background", "images", "masks")}
+        return transforms.read(scene.path, **keys, choose=pairing.choose)
 
 
 CAPTURE = Transforms()

@@ -83,7 +83,9 @@ def plans_of(path, scenes):
     """
     if configs.read(path).get("preflight") is False:
         return {}
-    trained = (name for name, one in scenes.items() if base.of(one).trains)
+    trained = (
+        name for name, one in scenes.items() if base.every()[one["source"]].trains
+    )
     return {name: str(layout.Scene(name).preflight) for name in trained}
 
 

@@ -5,7 +5,6 @@ where results are of other inputs, or into a user's folder.
 """
 
 import argparse
-import copy
 import hashlib
 import logging
 import math
@@ -19,6 +18,7 @@ from alignerf.captures import base
 from alignerf.cli import folders
 from alignerf.experiment import check, sources
 from alignerf.experiment.checks import results
+from alignerf.experiment.checks import scenes as of_scenes
 from alignerf.experiment.keys import scene as scene_keys
 from alignerf.io import (
     atomic,
@@ -160,7 +160,9 @@ def read(path):
 def can_export(scene):
     """Whether a scene of a config may have an export; what is wrong is said later."""
     is_known = isinstance(scene, dict) and scene.get("source") in [*base.every()]
-    return not is_known or base.of(scene).can_export(scene)
+    return not is_known or base.every()[scene["source"]].can_export(
+        of_scenes.checked(scene)
+    )
 
 
 def say_where(path, config, folder, *, by="photos"):
@@ -172,13 +174,13 @@ def say_where(path, config, folder, *, by="photos"):
     check_there(path, config, by)
     if path.exists() and not is_untouched(path):
         there = read(path)
-        check.checked(copy.deepcopy(there), [path])
+        check.checked(there, [path])
         if differing := sorted(kept(config, there)):
             log.warning("%s: you edited it: its %s is kept", path, ", ".join(differing))
         print(f"config: {path}, as you edited it")
         return
-    complete = check.checked(copy.deepcopy(config))
-    results.check_folders(complete["scenes"], complete["methods"])
+    complete = check.checked(config)
+    results.check_folders(complete.scenes, complete.methods)
     text = yaml.safe_dump(config, sort_keys=False, allow_unicode=True)
     head = HEAD.format(
         command=program(by), folder=ascii(str(folder)), digest=digest_of(text)

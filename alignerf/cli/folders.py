@@ -101,7 +101,7 @@ def count_of(scene):
     they are long. A Live Photo's film, called like a photo, is none.
     """
     path = Path(scene["path"])
-    if base.of(scene).poses[0] != BY_COLMAP or not path.is_dir():
+    if base.every()[scene["source"]].poses[0] != BY_COLMAP or not path.is_dir():
         return None
     inside = photo_names.photos_of([p.name for p in path.iterdir() if p.is_file()])
     taken = [path / name for name in inside if of_photos.is_taken(path / name)]
@@ -127,7 +127,7 @@ def with_colmap(scenes):
     found = {}
     for name, scene in scenes.items():
         found[name] = scene
-        if base.of(scene).tracked_by_phone(scene["path"]):
+        if base.every()[scene["source"]].tracked_by_phone(scene["path"]):
             if (again := f"{name}_{BY_COLMAP}") in scenes:
                 raise ValueError(f"{scene['path']}: another scene is called {again}")
             found[again] = scene | {"poses": BY_COLMAP}

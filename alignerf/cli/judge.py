@@ -18,7 +18,7 @@ import re
 import sys
 from pathlib import Path
 
-from alignerf.captures import base, typed
+from alignerf.captures import typed
 from alignerf.cli import configs, folders, light, workflow
 from alignerf.experiment import layout, targets
 from alignerf.experiment.checks import results
@@ -88,8 +88,7 @@ def run(name, args):
     judged = views.find(of_scenes.checked(scene))
     splits = views.splits_of(judged)
     there = [split for split in prepared.SPLITS if split in splits.values()]
-    keys = base.section(scene, "external_renders")
-    scene["external_renders"] = keys | {"splits": there}
+    scene["external_renders"]["splits"] = there
     print(f"{len(judged.pairs)} pairs of photo and render, {judged.told['layout']}")
     print(held_out(judged, splits))
     if not args.cameras:
@@ -140,7 +139,7 @@ def render_splat(name, path, args):
     args.renders, args.depth = str(place / "rgb"), str(place / "depth")
     written = [Path("results", "logs"), Path("results", name), place]
     given = {"PHOTOS": args.photos, "SPLAT": args.splat, "CAMERAS": args.cameras}
-    results.check_reads({key: str(real(one)) for key, one in given.items()}, written)
+    results.check_reads({str(real(one)): key for key, one in given.items()}, written)
     owned.check(Path("results", name))
     configs.check_there(path, {"scenes": {name: scene_of(args)}}, "judge")
     if splat.is_of(place, files, args.background):
@@ -289,7 +288,7 @@ def check_before(before, name):
 def config_of(name, scene, judged):
     """The config of renders that are judged."""
     width, height = judged.size
-    external = {"renders": base.section(scene, "external_renders")["renders"]}
+    external = {"renders": scene["external_renders"]["renders"]}
     config = {
         "preflight": False,
         # It tells the same blur in a third of the time.

@@ -116,7 +116,7 @@ def made_by(scene):
 
 def opened(scene, place):
     """A digest of all files that a scene is read from; place: its results."""
-    keys = base.section(scene, "external_renders")
+    keys = scene.external_renders
     # The first stage says what is to be said of them.
     logging.disable()
     try:

@@ -48,7 +48,7 @@ def main(argv=None):
 
 def config_of(scene, args, folder):
     """A scene's keys, complete; ValueError where no cameras came with it."""
-    if "adjusted" not in base.of(scene).poses:
+    if "adjusted" not in base.every()[scene["source"]].poses:
         command = provenance.as_command("photos", {"FOLDER": folder})
         raise ValueError(
             f"{scene['path']}: no cameras came with these photos, so there are none to "
@@ -60,10 +60,12 @@ def config_of(scene, args, folder):
 def adjust(name, config, args):
     """Check one scene's cameras, print what they are like, and write better ones."""
     place = Path("results", name)
-    of_results.check_reads({f"scenes.{name}.path": config["path"]}, [place])
+    of_results.check_reads({config.path: f"scenes.{name}.path"}, [place])
     with of_results.held(name):
         owned.check(place)
-        configs.check_there(Path(f"{place}.yaml"), {"scenes": {name: config}}, "poses")
+        configs.check_there(
+            Path(f"{place}.yaml"), {"scenes": {name: config.model_dump()}}, "poses"
+        )
         write_adjusted(name, place, config, args)
 
 
@@ -72,18 +74,18 @@ def write_adjusted(name, place, config, args):
     with atomic.scratch_folder(place, name="poses") as scratch:
         views, *_ = base.of(config).read(config, scratch)
         views = mistakes.stated(prepare.sort_by_name(views), config)
-        prepared.check_views(config["path"], views)
-        prepared.check_places(config["path"], views)
+        prepared.check_views(config.path, views)
+        prepared.check_places(config.path, views)
         checked = capture.check(views, scratch, config, adjusts=True, lens=True)
         print(f"{name}: {len(views.names)} photos, {summary(checked.report)}")
         owned.put(place)
         with atomic.replace_folder(place / NAME) as folder:
             as_it_came = (None, mistakes.NONE)
-            alone = not checked.found and config["pose_convention"] in as_it_came
+            alone = not checked.found and config.pose_convention in as_it_came
             if not alone:
                 photos_too = not args.no_photos
                 write(folder, scratch, views, checked, config, photos_too=photos_too)
-            report = checked.report | {"of": str(config["path"])}
+            report = checked.report | {"of": str(config.path)}
             (folder / "report.json").write_text(json.dumps(report, indent=1) + "\n")
         print(f"{name}: {place / NAME}" + ", the report alone" * alone, flush=True)
 
@@ -109,13 +111,13 @@ def write(folder, scratch, views, checked, config, *, photos_too):
         split = prepare.split_views(len(views.names), test_every=every)
     now = views._replace(split=split)
     if checked.found:
-        where = config["path"]
+        where = config.path
         now = calibration.applied(now, checked.cameras_of(views), where)
     masked = now.masks is not None
     if photos_too:
-        photos.write(folder, now, alpha=config["source"] == "blender")
+        photos.write(folder, now, alpha=config.source == "blender")
     arrays = photos.arrays_of(now)
-    model = points.of_matches(arrays, checked, scratch, config["seed"])
+    model = points.of_matches(arrays, checked, scratch, config.seed)
     formats.write_colmap(folder, model, arrays)
     formats.write_transforms(
         folder / "transforms.json",

@@ -14,7 +14,6 @@ import time
 from pathlib import Path
 
 from alignerf.costs import plan
-from alignerf.experiment import jobs
 from alignerf.io import atomic, faults, json_files
 from alignerf.scenes import prepared
 from alignerf.training import memory
@@ -70,7 +69,7 @@ def calibrate(args, job) -> plan.Rates:
     """
     command = [sys.executable, "-m", "alignerf.costs.calibrate"]
     command += ["--scene", str(args.scene), "--threads", str(args.threads)]
-    command += ["--config", json_files.canonical(jobs.as_dict(job))]
+    command += ["--config", json_files.canonical(job.model_dump())]
     command += ["--started", str(time.time())]
     done = subprocess.run(command, capture_output=True, text=True)
     if done.returncode < 0:

@@ -48,7 +48,7 @@ def of_scene(experiment, scene):
         one.folder: {
             "name": one.folder,
             "job": one.job.model_dump() if one.job.ours else None,
-            "after": list(dict.fromkeys(t.folder for t in (*one.after, *one.flows))),
+            "after": [before.folder for before in one.after],
             "splits": experiment.splits(scene, one.folder),
             "crop": None,
         }
@@ -57,10 +57,11 @@ def of_scene(experiment, scene):
     judged = experiment.reference_folder(scene, 0).name
     crops = []
     for name in experiment.crops(scene) if judged in found else ():
-        crop, steps = (experiment.scenes[name][key] for key in ("crop", "steps"))
-        cameras = crop["cameras"] and experiment.at(scene, crop["cameras"], 0).folder
+        crop, steps = experiment.scenes[name].crop, experiment.scenes[name].steps
+        cameras = crop.cameras and experiment.at(scene, crop.cameras, 0).folder
         more = {"name": f"{os.pardir}/{name}/{judged}", "splits": ["train", "test"]}
-        more |= {"after": [cameras] if cameras else [], "crop": crop | {"steps": steps}}
+        more["after"] = [cameras] if cameras else []
+        more["crop"] = crop.model_dump() | {"steps": steps}
         crops.append(found[judged] | more)
     return {"trainings": [*found.values(), *crops], "judged": judged}
 
@@ -113,7 +114,7 @@ def seconds_of(one, rate: Rates, views: Views):
     if crop := one["crop"]:
         pixels = crop["count"] * crop["px"] ** 2
         length_s = crop["steps"] * rate.step_s
-        if "steps" in one["job"]["training"].get("decided", ()):
+        if one["job"]["scaled"]:
             passes = decisions.EPOCHS * views.train * pixels / job.training.batch_rays
             length_s *= max(1.0, passes / decisions.STEPS[0])
     rays = pixels * sum(getattr(views, split) for split in one["splits"])

@@ -140,7 +140,7 @@ class Asked(NamedTuple):
         lines = targets.verdicts(captures, export * can)
         names = {"comparison", *shipped.TABLES} & {*(self.words or ())}
         if not self.words or "all" in self.words:
-            printed = first is not None and first.config["published_table"]
+            printed = first is not None and first.config.published_table
             names |= {"comparison"} if printed else set()
         made = [f"{layout.RESULTS}/{name}.csv" for name in sorted(names)]
         return [*(line for path in made for line in of_table(path)), *lines]

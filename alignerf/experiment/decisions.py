@@ -12,7 +12,7 @@ they bring on other scenes.
 import math
 from typing import Any, NamedTuple
 
-from alignerf.experiment import jobs
+from alignerf.experiment import jobs, schema
 from alignerf.experiment.keys import scene as scene_keys
 from alignerf.experiment.keys import training as training_keys
 from alignerf.io import json_files
@@ -35,6 +35,10 @@ STEPS = (4000, 20000)
 # Facts that decide the number of steps, and the factor by which photos are smaller.
 COUNTS = ("train_views", "width_px", "height_px")
 OF_DOWNSCALE = ("photo_width_px", "photo_height_px", "views")
+
+
+# Keys that may be null in a complete config, besides `downscale`.
+OPEN = (*mipnerf360.USUAL, "steps")
 
 
 class Decision(NamedTuple):
@@ -77,7 +81,7 @@ def downscale(facts):
 
 def near(facts):
     """The first sample lies a little before the nearest point."""
-    default = mipnerf360.Model().near
+    default = mipnerf360.USUAL["near"]
     nearest = facts["nearest"]
     if not known(nearest):
         return unknown("model.near", default, facts, ["nearest"])
@@ -95,7 +99,7 @@ def radius(facts):
 
     Of a forward-facing capture, all of it would be contracted.
     """
-    default = mipnerf360.Model().radius
+    default = mipnerf360.USUAL["radius"]
     nearest = facts["nearest"]
     if not known(nearest):
         return unknown("model.radius", default, facts, ["nearest"])
@@ -107,7 +111,7 @@ def radius(facts):
 
 def max_resolution(facts):
     """The finest cells are what a pixel covers at the median depth."""
-    default = mipnerf360.Model().field.max_resolution
+    default = mipnerf360.USUAL["max_resolution"]
     names = ("pixel_angle_mrad", "median_depth")
     used = {name: facts[name] for name in names}
     if not all(map(known, used.values())):
@@ -129,8 +133,7 @@ def contraction_across(distance):
 
 def steps(facts):
     """Pixels are seen as often in a large scene as in a small one."""
-    usual = training_keys.Training()
-    default, batch = usual.steps, usual.batch_rays
+    default, batch = training_keys.USUAL_STEPS, training_keys.Training().batch_rays
     pixels = math.prod(facts[name] for name in COUNTS)
     count = clip(100 * math.ceil(EPOCHS * pixels / batch / 100), *STEPS)
     seen = count * batch / pixels
@@ -190,23 +193,19 @@ def fill(values):
     path = values.get("decisions")
     if not path:
         return values
-    decisions = read(path)
-    model, training = dict(values["model"]), dict(values["training"])
-    for name in model.pop("decided", []):
-        value = one(decisions, name, path).value
-        if name == "near":
-            # A config may say how far it sees.
-            value = min(value, model["far"] / 2)
-        if name in model:
-            model[name] = value
-        else:
-            model["field"] = model["field"] | {name: int(value)}
-    if "steps" in training.pop("decided"):
-        times = one(decisions, "steps", path).value / training_keys.Training().steps
-        training["steps"] = max(1, round(times * training["steps"]))
-        if training["warmup_steps"] is not None:
-            training["warmup_steps"] = round(times * training["warmup_steps"])
-    return values | {"model": model, "training": training, "decisions": None}
+    decisions, job = read(path), schema.check(jobs.class_of(values), values)
+    found = {name: one(decisions, name, path).value for name in job.model.open}
+    if "near" in found:
+        # A config may say how far it sees.
+        found["near"] = min(found["near"], job.model.far / 2)
+    training = job.training
+    if job.scaled:
+        times = one(decisions, "steps", path).value / training_keys.USUAL_STEPS
+        lengths = {"steps": training.steps, "warmup_steps": training.warmup_steps}
+        lengths = {k: v and max(1, round(times * v)) for k, v in lengths.items()}
+        training = training.model_copy(update=lengths)
+    decided = {"model": job.model.closed(found), "training": training}
+    return values | decided | {"decisions": None, "scaled": False}
 
 
 def one(decisions, name, path):

@@ -21,14 +21,11 @@ MIN_STEPS, MAX_STEPS = 10, 10**8
 
 
 class Text:
-    """A job's JSON, by which jobs are compared."""
+    """A job's canonical JSON: equal jobs have equal text."""
 
     @functools.cached_property
     def text(self):
         return json_files.canonical(self.model_dump())
-
-    def __eq__(self, other):
-        return type(self) is type(other) and self.text == other.text
 
     def __hash__(self):
         return hash(self.text)
@@ -64,6 +61,9 @@ class Job(Text, Keys):
     decisions: str | None = key(
         None,
         "file of what the scene's facts decided, which `experiment.decisions` fills in",
+    )
+    scaled: bool = key(
+        False, "its steps are times what the facts decided, over the usual steps"
     )
 
     @property
@@ -130,22 +130,18 @@ def read(text):
 def parse(values) -> Job:
     """The job of a training or rendering, checked as a whole; defaults are filled."""
     values = {key: value for key, value in values.items() if value is not None}
-    kind = class_of(values)
-    given, values = values, schema.filled(kind, values)
-    training_keys.check_length(given["training"], "training")
-    values["training"] |= values["model"].pop("training")
-    values["model"]["training"] = {}
-    values["training"] |= training_keys.length(values["training"])
-    values["training"] |= training_keys.warmup(values["training"])
-    if not values["training"]["learning_rates"]:
-        rates = model_keys.system_of(values["model"]).rates
-        values["training"]["learning_rates"] = list(rates)
-    job = schema.check(kind, values)
-    if job.decisions or job.training.decided or getattr(job.model, "decided", None):
+    job = schema.check(class_of(values), values)
+    if job.decisions:
         raise ValueError("config: decisions: they are not filled in")
-    for name, reason in job.model.faults():
-        raise ValueError(f"config: model.{name}: {reason}".replace(".:", ":"))
-    return job
+    training = job.training.model_copy(update=job.model.training.given)
+    found = {
+        "steps": training.whole,
+        "warmup_steps": training.warmup(training.whole),
+        "learning_rates": training.learning_rates or [*job.model.rates],
+    }
+    none = {"training": training_keys.Changes()}
+    model = job.model.closed({}).model_copy(update=none)
+    return job.changed(model=model, training=training.model_copy(update=found))
 
 
 def class_of(values):
@@ -174,12 +170,5 @@ def steps_in(job: Job, step_time_s) -> int:
 
 def with_steps(job: Job, steps) -> Job:
     """The job of a budget as one whose whole training has this many steps."""
-    training = job.training.model_dump() | {"steps": steps}
-    warmup_steps = min(training_keys.warmup(training)["warmup_steps"], steps)
-    found = {"steps": steps, "warmup_steps": warmup_steps}
+    found = {"steps": steps, "warmup_steps": min(job.training.warmup(steps), steps)}
     return job.changed(training=job.training.model_copy(update=found))
-
-
-def as_dict(job: Job) -> dict:
-    """JSON-able content of a job."""
-    return job.model_dump()

@@ -40,8 +40,8 @@ class Experiment:
 
     def __init__(self, config):
         self.config = config
-        self.methods = config["methods"]
-        self.scenes = config["scenes"]
+        self.methods = config.methods
+        self.scenes = config.scenes
         self.known = {}
         # Methods whose trainings are being made.
         self.making = set()
@@ -109,7 +109,7 @@ class Experiment:
     def trainings(self, scene):
         """{folder: training} of a scene, in an order in which trainings can run."""
         chains = [self.rounds_of(scene, method) for method in self.methods]
-        needed = (one for t in itertools.chain(*chains) for one in trainings.needs(t))
+        needed = (one for t in itertools.chain(*chains) for one in trainings.lead_to(t))
         return {training.folder: training for training in needed}
 
     def training(self, scene, folder):
@@ -149,7 +149,7 @@ class Experiment:
         every = self.trainings(scene).values()
         folders = {before.folder for training in every for before in training.flows}
         judged = self.parent(scene) or self.crops(scene)
-        others = self.config["reference"]["method"] not in self.names("ours")
+        others = self.config.reference.method not in self.names("ours")
         if judged or others or self.names("in_loop"):
             folders.add(self.judged_folder(scene).name)
         return folders
@@ -163,33 +163,34 @@ class Experiment:
             (name, k)
             for name in self.methods
             if self.is_scored(scene, name)
-            for k in range(self.methods[name]["rounds"] + 1)
+            for k in range(self.methods[name].rounds + 1)
             if self.at(scene, name, k).folder == f"{name}/round{k}"
         ]
 
     def is_scored(self, scene, method):
         """Whether a method has a row at a scene's length of training."""
-        lengths, share = self.methods[method]["lengths"], self.share(scene)
+        lengths, share = self.methods[method].lengths, self.share(scene)
         return lengths is None or share is None or share in lengths
 
     def share(self, scene):
         """A scene's length of training over the config's; None where units differ."""
-        own, whole = self.scenes[scene], self.config["training"]
-        key = "steps" if whole["steps"] else "budget_min"
-        return own[key] / whole[key] if own[key] else None
+        own, whole = self.scenes[scene], self.config.training
+        if whole.budget_min:
+            return own.budget_min and own.budget_min / whole.budget_min
+        return (own.steps or whole.whole) / whole.whole if not own.budget_min else None
 
     def reference_round(self, scene):
         """The round whose renders the warped test set is made from."""
-        reference = self.config["reference"]
-        if reference["round"] == "last":
-            return self.methods[reference["method"]]["rounds"]
-        return reference["round"]
+        reference = self.config.reference
+        if reference.round == "last":
+            return self.methods[reference.method].rounds
+        return reference.round
 
     def reference_folder(self, scene, round=None):
         """Folder of the reference model, or of another of its method's rounds."""
         if round is None:
             round = self.reference_round(scene)
-        return self.folder(scene, self.config["reference"]["method"], round)
+        return self.folder(scene, self.config.reference.method, round)
 
     def capture(self, scene):
         """The record of a scene's source."""
@@ -220,7 +221,7 @@ class Experiment:
 
         Of crops that of its baseline, which leaves the cameras as they are.
         """
-        method = self.config["reference"]["method"]
+        method = self.config.reference.method
         if self.parent(scene):
             method = self.baseline(method)
         return self.folder(scene, method, 0)
@@ -267,28 +268,26 @@ def scene_config(experiment, name):
     unused = {"steps", "budget_min", "published"} | (
         scene_keys.SECTIONS.keys() - {capture.name}
     )
-    if scene["poses"] == "truth" and not scene["triangulate"]:
+    if scene.poses == "truth" and not scene.triangulate:
         unused.add("colmap")
     # Where a `false` changes what is done, the stage has to be told.
-    undecided = scene | {"triangulate": None}
+    undecided = scene.model_copy(update={"triangulate": None})
     if not (capture.wants_matches(scene) or capture.wants_matches(undecided)):
         unused.add("triangulate")
     if experiment.parent(name):
         unused |= {"test_every", "perturb_px", "perturb_by", "colmap"}
     optional = ("masks", "crop", "pose_convention", "perturb_by")
-    default = scene_keys.Scene.default
-    unused |= {key for key in optional if scene[key] == default(key)}
-    return json_files.canonical({key: scene[key] for key in scene.keys() - unused})
+    unused |= {key for key in optional if getattr(scene, key) == scene.default(key)}
+    return json_files.canonical(scene.model_dump(exclude=unused))
 
 
 def complete_config(experiment, name):
     """The whole config of a scene, as it could be run alone."""
     parent = experiment.parent(name) or name
-    names = [parent, *experiment.crops(parent)]
-    found = {one: experiment.scenes[one] for one in names}
-    found = experiment.config | {"scenes": found}
+    found = {one: experiment.scenes[one] for one in (parent, *experiment.crops(parent))}
+    found = experiment.config.model_copy(update={"scenes": found})
     # The order of models and methods has a meaning: tables and defaults follow it.
-    return json.dumps(found)
+    return json.dumps(found.model_dump(exclude={"small", "full_size"}))
 
 
 def folders(experiments):

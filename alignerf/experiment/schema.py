@@ -37,8 +37,10 @@ def message(errors, values, place):
     if error["type"] == "value_error":
         # What begins with a key of the section continues its place.
         text = str(error["ctx"]["error"])
-        inside = text.partition(": ")[0].isidentifier() and where != "top level"
-        return f"config: {where}{'.' if inside else ': '}{text}"
+        named = all(map(str.isidentifier, text.partition(": ")[0].split(".")))
+        if ": " in text and named:
+            return f"config: {'.'.join(map(str, (*place, *inner, text)))}"
+        return f"config: {where}: {text}"
     if error["type"] == "missing":
         return f"config: {where}: {error['loc'][-1]!r} is missing"
     value = error["input"]
@@ -98,30 +100,3 @@ def is_finite(text):
         return math.isfinite(float(text))
     except ValueError:
         return False
-
-
-def filled(kind, values, *place):
-    """The values of a config's mapping, checked, and the default of every key it lacks.
-
-    place: the keys above `values`.
-    """
-    return as_config(check(kind, values, *place), values)
-
-
-def as_config(value, given=None):
-    """An instance of a class of keys as a mapping with the config's keys.
-
-    given: what it was made of, whose numbers stay as they were written: 5 minutes are
-    not 5.0 ones, for which a job would run again.
-    """
-    if isinstance(value, keys.Keys):
-        given = given if isinstance(given, dict) else {}
-        names = value.names().items()
-        return {k: as_config(getattr(value, name), given.get(k)) for k, name in names}
-    if isinstance(value, dict):
-        given = given or {}
-        return {k: as_config(entry, given.get(k)) for k, entry in value.items()}
-    if isinstance(value, list):
-        # A list of its own: another config's changes are not this one's.
-        return list(value if given is None else given)
-    return value if given is None else given

@@ -44,12 +44,12 @@ def flow_options(experiment):
     Images that the run itself makes have no flows from elsewhere: with estimator
     `files`, theirs are estimated by the default one.
     """
-    flow = experiment.config["flow"]
+    flow = experiment.config.flow
     return {
-        "match_blur": flow["match_blur"],
-        "no_match_blur": not flow["match_blur"],
-        "kernel": flow["kernel"],
-        "tolerance_px": flow["tolerance_px"],
-        "method": None if flow["estimator"] == "files" else flow["estimator"],
-        "blur_by": flow["blur_by"],
+        "match_blur": flow.match_blur,
+        "no_match_blur": not flow.match_blur,
+        "kernel": flow.kernel,
+        "tolerance_px": flow.tolerance_px,
+        "method": None if flow.estimator == "files" else flow.estimator,
+        "blur_by": flow.blur_by,
     }

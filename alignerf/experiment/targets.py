@@ -49,7 +49,7 @@ def of_run(experiments):
             "table, as in `snakemake table1 --config small=false`"
         )
     made = [file for name in first.captures() for file in of_scene(first, name)]
-    return [*made, *[COMPARISON] * (first.config["published_table"] is not None)]
+    return [*made, *[COMPARISON] * (first.config.published_table is not None)]
 
 
 def of_figures(experiments, narrowed=types.MappingProxyType({})):
@@ -71,7 +71,7 @@ def drawn(experiments, narrowed):
 def unasked(experiments):
     """The option of `alignerf.facts` where the config decides nothing by facts."""
     first = experiments.by_name.get("")
-    return [] if first and first.config["decide"] else ["--unasked"]
+    return [] if first and first.config.decide else ["--unasked"]
 
 
 def of_page(experiment, scene):
@@ -101,7 +101,7 @@ def preflight_of(experiment, scene):
     """
     own = experiment.capture(scene).trains and not experiment.parent(scene)
     file = layout.Scene(scene).preflight
-    return [file] if own and experiment.config["preflight"] else []
+    return [file] if own and experiment.config.preflight else []
 
 
 def demo_scenes():
@@ -258,12 +258,12 @@ def exports(experiment):
     for scene in experiment.captures():
         capture = experiment.capture(scene)
         if not capture.trains:
-            method = experiment.config["reference"]["method"]
+            method = experiment.config.reference.method
             whats = of_judged(scene) * capture.can_export(experiment.scenes[scene])
             folders += [layout.Scene(scene).export(method, what) for what in whats]
             continue
         for method in experiment.methods:
-            last = experiment.methods[method]["rounds"]
+            last = experiment.methods[method].rounds
             training = experiment.at(scene, method, last)
             at = layout.Scene(scene)
             if last > 0 or moves_cameras(training):

@@ -16,8 +16,7 @@ class Training(NamedTuple):
     config. photos, cameras: what it learns from. valid: folder of the pixels that count
     there; None: all do. initial: the parameters that it goes on from. truth: the
     folder its cameras are compared with. after: the trainings that lead to it, whose
-    costs are its own too. flows: the trainings whose training views are rendered and
-    aligned for it.
+    costs are its own too.
     """
 
     scene: str
@@ -29,11 +28,19 @@ class Training(NamedTuple):
     initial: str | None = None
     truth: str | None = None
     after: tuple["Training", ...] = ()
-    flows: tuple["Training", ...] = ()
 
     def __hash__(self):
-        """Of the fields that differ most: `after` and `flows` are long ways down."""
+        """Of the fields that differ most: `after` is a long way down."""
         return hash((self.scene, self.folder, self.job, self.photos, self.cameras))
+
+    @property
+    def flows(self):
+        """Those of `after` whose training views are rendered and aligned for it.
+
+        It learns from photos that they warped, or with cameras that they corrected.
+        """
+        own = {self.photos, self.cameras}
+        return [one for one in self.after if own & {warped(one), corrected(one)}]
 
     @property
     def path(self):
@@ -89,29 +96,24 @@ def from_photos(scene, folder, job, **more):
     return Training(scene, folder, job, at.images, cameras, **more)
 
 
+def warped(training):
+    """The training photos that a training's flow has warped."""
+    return f"{training.path.warped}/train"
+
+
 def corrected(training):
     """cameras.npz of a training, corrected by its flow."""
     return training.path.corrected
 
 
 def lead_to(training):
-    """The trainings in `after`, recursively, then the training itself."""
-    return way_to(training, lambda one: one.after)
-
-
-def needs(training):
-    """The same with those of `flows`: all that is trained before it."""
-    return way_to(training, lambda one: (*one.after, *one.flows))
-
-
-def way_to(training, before):
     """What comes before a training, directly or not, in an order, and the training."""
     way = {}
 
     def go(one):
         if one not in way:
-            for needed in before(one):
-                go(needed)
+            for before in one.after:
+                go(before)
             way[one] = None
 
     go(training)
@@ -132,13 +134,14 @@ def moved_for(training):
 
 def common(experiment, scene, method):
     """What all jobs have: the values of `jobs.Job`, of a training in one go."""
-    config = experiment.config
-    model = config["models"][experiment.methods[method]["model"]]
+    config, chosen = experiment.config, experiment.scenes[scene]
+    model = config.models[experiment.methods[method].model]
     return {
-        "seed": experiment.scenes[scene]["seed"],
-        "model": model_of(model, experiment.scenes[scene]),
-        "training": training_of(config, scene, model),
+        "seed": chosen.seed,
+        "model": model_of(model, chosen),
+        "training": training_of(config, chosen, model),
         "decisions": decisions_of(config, scene),
+        "scaled": is_open(config.training),
     }
 
 
@@ -148,32 +151,38 @@ def model_of(model, scene):
     Transparent pixels stand on the scene's background, so a model that leaves its own
     open knows it.
     """
-    found = model | {"training": {}}
-    if found.get("background", "") is None:
-        found["background"] = scene["background"]
-    return found
+    found = {"training": model.default("training")}
+    if getattr(model, "background", "") is None:
+        found["background"] = scene.background
+    return model.model_copy(update=found)
+
+
+def is_open(training):
+    """Whether facts decide the length of a complete config's training."""
+    return training.steps is training.budget_min is None
 
 
 def decisions_of(config, scene):
     """The file that says what a scene's facts decided; null where nothing is left."""
-    open_keys = [config["training"]["decided"]]
-    open_keys += [model.get("decided") for model in config["models"].values()]
-    return layout.Scene(scene).decisions if any(open_keys) else None
+    left = is_open(config.training) or any(one.open for one in config.models.values())
+    return layout.Scene(scene).decisions if left else None
 
 
 def training_of(config, scene, model):
     """The config's training with a model's changes, as long as model or scene asks."""
-    found, chosen = config["training"], config["scenes"][scene]
-    steps, budget_min = chosen["steps"], chosen["budget_min"]
-    if own := model["training"].get("steps"):
+    found, changes = config.training, model.training.given
+    steps, budget_min = scene.steps, scene.budget_min
+    if own := changes.pop("steps", None):
         steps, budget_min = own, None
-    changes = {k: v for k, v in model["training"].items() if k != "steps"}
-    return found | retimed(found, steps, budget_min) | changes
+    if not budget_min:
+        steps = steps or found.whole
+    return retimed(found, steps, budget_min).model_copy(update=changes)
 
 
 def retimed(training, steps, budget_min=None):
-    """Another length; a given warm-up keeps its share of the steps, where known."""
-    warmup_steps = training["warmup_steps"]
-    if warmup_steps and steps and training["steps"]:
-        warmup_steps = round(warmup_steps / training["steps"] * steps)
-    return {"steps": steps, "budget_min": budget_min, "warmup_steps": warmup_steps}
+    """Of another length; a given warm-up keeps its share of the steps, where known."""
+    warmup_steps, whole = training.warmup_steps, training.whole
+    if warmup_steps and steps and whole:
+        warmup_steps = round(warmup_steps / whole * steps)
+    found = {"steps": steps, "budget_min": budget_min, "warmup_steps": warmup_steps}
+    return training.model_copy(update=found)

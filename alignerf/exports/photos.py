@@ -95,7 +95,7 @@ def of_photos(config, folder, work_folder, cameras_path) -> prepare.PosedViews:
 
     Raises ValueError where the photos are gone.
     """
-    path = config["path"]
+    path = config.path
     if path and not Path(path).exists():
         raise ValueError(f"{path}: the photos of {folder} are gone")
     return loading.read(config, folder, work_folder, cameras_path)

@@ -9,7 +9,6 @@ import sys
 
 import pydantic
 
-from alignerf.experiment.checks.common import check_folder
 from alignerf.io.environment import extensions
 
 
@@ -20,7 +19,7 @@ def every():
 
 def parts_of(method):
     """The records of whose keys a method of the config has one; else the plain one."""
-    found = [one for one in every() if one.key and method.get(one.key)]
+    found = [one for one in every() if one.key and getattr(method, one.key)]
     return found or [one for one in every() if one.key is None]
 
 
@@ -46,7 +45,7 @@ def label(experiment, name):
 
 def has_scratch(chosen, model):
     """Whether one of these methods trains a model from scratch, and nothing more."""
-    return any(of_method(m).from_scratch and m["model"] == model for m in chosen)
+    return any(of_method(m).from_scratch and m.model == model for m in chosen)
 
 
 def input_cameras(experiment, scene, name):
@@ -55,22 +54,11 @@ def input_cameras(experiment, scene, name):
     return {k: v for one in parts for k, v in one.cameras(experiment, scene).items()}
 
 
-def named_folders(method):
-    """(place, mapping, key) of each folder that a method names: `external.depth`."""
-    for one in parts_of(method):
-        for place in one.folders:
-            section, _, key = place.rpartition(".")
-            yield place, method[section] if section else method, key
-
-
 def check(config, name):
     """Raises ValueError for what a method of the complete config cannot have."""
-    method = config["methods"][name]
-    for one in reversed(parts_of(method)):
+    for one in reversed(parts_of(config.methods[name])):
         one.check_beside(config, name)
         one.check(config, name)
-    for place, mapping, key in named_folders(method):
-        check_folder(config, mapping[key], f"methods.{name}.{place}")
 
 
 @functools.cache

@@ -29,7 +29,7 @@ class Adjusted(base.Method):
     def cameras(self, experiment, scene):
         """Crops have the cameras of their scene; adjusted poses have them already."""
         chosen = experiment.scenes[scene]
-        if experiment.parent(scene) or chosen["poses"] == "adjusted":
+        if experiment.parent(scene) or chosen.poses == "adjusted":
             return {}
         return {"cameras": layout.Scene(scene).adjusted_train}
 

@@ -2,8 +2,6 @@
 
 from typing import ClassVar, Literal
 
-import pydantic
-
 from alignerf import methods
 from alignerf.captures import base as captures
 from alignerf.experiment import jobs
@@ -57,13 +55,9 @@ class Align(Keys):
         False, "blur the photo like the render, for the estimate only"
     )
 
-    @pydantic.model_validator(mode="after")
-    def check_any(self):
+    def faults(self):
         if not (self.cameras_at or self.photos_at):
-            raise ValueError(
-                "cameras_at or photos_at: it needs a share at which to align"
-            )
-        return self
+            yield "", "cameras_at or photos_at: it needs a share at which to align"
 
 
 def places(align: Align, steps, where="align") -> dict:
@@ -116,20 +110,19 @@ class Aligned(base.Method):
 
     def check(self, config, name):
         """A plain method says what it brought; its places are steps of their own."""
-        method, where = config["methods"][name], f"methods.{name}.{self.key}"
-        model, others = method["model"], config["methods"].values()
+        method, where = config.methods[name], f"methods.{name}.{self.key}"
+        model, others = method.model, config.methods.values()
         if not methods.has_scratch(others, model):
             what = f"another method of model {model!r} without {self.key}"
             fault(where, f"it needs {what}, to say what it brought")
         if not self.Keys:
             return
-        chosen = Align.model_validate(method["align"])
-        own = [s for s in config["scenes"].values() if not captures.of(s).parent(s)]
-        for steps in {scene["steps"] for scene in own if scene["steps"]}:
-            places(chosen, steps, where)
+        own = [s for s in config.scenes.values() if not captures.of(s).parent(s)]
+        for steps in {scene.steps for scene in own if scene.steps}:
+            places(method.align, steps, where)
 
     def moves(self, method, round):
-        return frozenset(key for key in CHANGED if method["align"][f"{key}_at"])
+        return frozenset(key for key in CHANGED if getattr(method.align, f"{key}_at"))
 
     def words(self, experiment, name):
         moved = self.moves(experiment.methods[name], 0)

@@ -5,7 +5,7 @@ import shutil
 from typing import Literal
 
 from alignerf import methods
-from alignerf.experiment import jobs, schema, trainings
+from alignerf.experiment import jobs, trainings
 from alignerf.experiment.checks.common import fault
 from alignerf.experiment.keys.key import Keys, key
 
@@ -59,8 +59,6 @@ class Method:
     systems = None
     # Classes of its own that its jobs have, see `experiment.jobs`.
     jobs = ()
-    # Places of keys that name folders, with {scene} in them.
-    folders = ()
     # Whether our code trains it, from scratch so that others are set against it.
     ours = True
     from_scratch = False
@@ -85,16 +83,16 @@ class Method:
 
     def check_beside(self, config, name):
         """ValueError for a key that means nothing beside the record's own."""
-        method, common = config["methods"][name], Common()
-        for other, value in method.items():
+        method, common = config.methods[name], Common()
+        for other, value in method:
             may = other in (self.key, *self.beside)
             if not may and value and value != getattr(common, other, None):
                 fault(f"methods.{name}.{other}", f"not beside {self.key}")
         if not self.ours:
             return
-        if method["model"] not in config["models"]:
-            fault(f"methods.{name}.model", f"no model {method['model']!r}")
-        kind = config["models"][method["model"]]["kind"]
+        if method.model not in config.models:
+            fault(f"methods.{name}.model", f"no model {method.model!r}")
+        kind = config.models[method.model].kind
         if self.systems and kind not in self.systems:
             fault(f"methods.{name}.{self.key}", f"not of a model of kind {kind}")
 
@@ -108,9 +106,9 @@ class Method:
         """
         job = trainings.common(experiment, scene, name)
         if self.jobs:
-            job |= {self.key: experiment.methods[name][self.key]}
+            job |= {self.key: getattr(experiment.methods[name], self.key)}
         (kind,) = self.jobs or [jobs.Full]
-        job = schema.check(kind, job)
+        job = kind(**job)
         own = methods.input_cameras(experiment, scene, name)
         own |= {"truth": experiment.truth_of(scene)}
         return [once(trainings.from_photos(scene, f"{name}/round0", job, **own))]
@@ -121,9 +119,9 @@ class Method:
 
     def baseline(self, experiment, name):
         """The method whose round 0 it is set against; itself where there is none."""
-        model = experiment.methods[name]["model"]
+        model = experiment.methods[name].model
         plain = experiment.names("from_scratch")
-        same = (n for n in plain if experiment.methods[n]["model"] == model)
+        same = (n for n in plain if experiment.methods[n].model == model)
         return next(same, name)
 
     def moves(self, method, round):
@@ -132,12 +130,12 @@ class Method:
 
     def subject(self, experiment, name):
         """What tables say first: the field that it trains."""
-        model = experiment.config["models"][experiment.methods[name]["model"]]
-        field = model.get("field", model)
-        hashed = "log2_hashmap_size" in field
-        size = f"2^{field['log2_hashmap_size']}" if hashed else field.get("width", "")
-        aliased = [] if field.get("anti_aliased", True) else ["aliased"]
-        return [f"{field['kind']} {size}".strip(), *aliased]
+        model = experiment.config.models[experiment.methods[name].model]
+        field = getattr(model, "field", model)
+        hashed = getattr(field, "log2_hashmap_size", None)
+        size = f"2^{hashed}" if hashed else getattr(field, "width", "")
+        aliased = [] if getattr(field, "anti_aliased", True) else ["aliased"]
+        return [f"{field.kind} {size}".strip(), *aliased]
 
     def words(self, experiment, name):
         """What tables say of it besides."""

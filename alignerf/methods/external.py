@@ -7,13 +7,11 @@ import os
 import shlex
 from typing import ClassVar
 
-import pydantic
-
 from alignerf.captures import base as captures
 from alignerf.experiment import jobs
 from alignerf.experiment.checks import placeholders
 from alignerf.experiment.checks.common import fault
-from alignerf.experiment.keys.key import Keys, key
+from alignerf.experiment.keys.key import PATH, Keys, key
 from alignerf.methods import rounds
 
 # Words that only start a program, as `env A=1` and `bash -c`.
@@ -38,51 +36,41 @@ class External(Keys):
         "their depth as <view>.npy or .npz below {depth}; the others of train too",
         pattern=r"\S",
     )
-    renders: str | None = key(
+    renders: PATH | None = key(
         None,
         "instead of both commands: folder of finished renders, <view>.png below; "
         "{scene} stands for the scene's name",
-        pattern=r"\S",
     )
-    depth: str | None = key(
-        None, "beside renders: folder of their depth; {scene} too", pattern=r"\S"
-    )
+    depth: PATH | None = key(None, "beside renders: folder of their depth; {scene} too")
     gpu: int = key(0, "accelerators of each command", least=0, most=64)
     mem_mb: int | None = key(
         None, "memory of each command; null asks for the usual", least=1, most=10**9
     )
 
-    @pydantic.model_validator(mode="after")
-    def check_commands(self):
+    def faults(self):
         """Both commands, or a folder instead; what stands in braces has a meaning."""
         for name, known in OF_COMMAND.items():
             command = getattr(self, name)
             if self.renders and command:
-                raise ValueError(f"{name}: not beside renders: nothing is trained")
-            if self.renders:
-                continue
-            if not command:
-                raise ValueError(f"{name} is missing; both commands, or renders")
-            check_command(name, command, known)
-        if self.renders:
-            return self
-        if self.depth:
-            what = "only beside renders: a command writes below {depth}"
-            raise ValueError(f"depth: {what}")
-        if "renders" not in placeholders.names(self.render):
-            raise ValueError("render: {renders} is missing, the folder of its images")
-        return self
+                yield name, "not beside renders: nothing is trained"
+            elif not (self.renders or command):
+                yield "", f"{name} is missing; both commands, or renders"
+            elif command and (reason := fault_of(command, known)):
+                yield name, reason
+        if self.depth and not self.renders:
+            yield "depth", "only beside renders: a command writes below {depth}"
+        if not self.renders and "renders" not in placeholders.names(self.render):
+            yield "render", "{renders} is missing, the folder of its images"
 
 
-def check_command(name, command, known):
-    """ValueError where it has no words, or a place in braces without a meaning."""
+def fault_of(command, known):
+    """That it has no words, or a place in braces without a meaning; or None."""
     try:
         words = shlex.split(command)
         placeholders.check(command, known)
     except ValueError as error:
-        raise ValueError(f"{name}: {error}; quotes are as in a shell") from None
-    if not (words and words[0].strip()):
-        raise ValueError(f"{name}: no program in it")
+        return f"{error}; quotes are as in a shell"
+    return None if words and words[0].strip() else "no program in it"
 
 
 class Commands(Keys):
@@ -114,21 +102,19 @@ class Other(rounds.Rounds):
     beside = ("published", "lengths", *rounds.KEYS)
     ours = False
     example = "external: { train: 't {data}', render: 'r {renders}' }"
-    folders = ("external.renders", "external.depth")
 
     def check(self, config, name):
-        method, where = config["methods"][name], f"methods.{name}"
-        chosen = method["external"]
-        if chosen["renders"] and method["rounds"] != 0:
+        method, where = config.methods[name], f"methods.{name}"
+        chosen = method.external
+        if chosen.renders and method.rounds != 0:
             what = "0 was expected: finished renders are not trained anew"
             fault(f"{where}.rounds", what)
-        unknown = any(scene["steps"] is None for scene in config["scenes"].values())
-        unknown = unknown or "steps" in config["training"]["decided"]
+        unknown = any(scene.steps is None for scene in config.scenes.values())
         for what in OF_COMMAND if unknown else ():
-            if "steps" in placeholders.names(chosen[what] or ""):
+            if "steps" in placeholders.names(getattr(chosen, what) or ""):
                 fault(f"{where}.external.{what}", "{steps} needs training.steps")
-        crops = any(captures.of(one).parent(one) for one in config["scenes"].values())
-        if crops and config["reference"]["method"] == name:
+        crops = any(captures.of(one).parent(one) for one in config.scenes.values())
+        if crops and config.reference.method == name:
             what = "not with an external reference: its program trains no crops"
             fault("crops", what)
         super().check(config, name)
@@ -138,18 +124,19 @@ class Other(rounds.Rounds):
         commands = commands_of(experiment.methods[name])
         text = " ".join(filter(None, commands.values()))
         chosen = experiment.scenes[scene]
-        used = {key: chosen[key] for key in ("seed", "steps") if f"{{{key}}}" in text}
+        used = ("seed", "steps")
+        used = {key: getattr(chosen, key) for key in used if f"{{{key}}}" in text}
         return Job(external=Commands(**commands, **used))
 
     def baseline(self, experiment, name):
         """The first with the same commands; of finished renders the reference."""
         known = experiment.methods
-        if known[name]["external"]["renders"]:
-            return experiment.config["reference"]["method"]
+        if known[name].external.renders:
+            return experiment.config.reference.method
         return next(
             other
             for other in known
-            if known[other]["external"]
+            if known[other].external
             and commands_of(known[other]) == commands_of(known[name])
         )
 
@@ -159,13 +146,12 @@ class Other(rounds.Rounds):
 
 def commands_of(method):
     """The commands of an external method, or the folders that stand for them."""
-    asked = ("gpu", "mem_mb")
-    return {key: v for key, v in method["external"].items() if key not in asked}
+    return method.external.model_dump(exclude={"gpu", "mem_mb"})
 
 
 def program(method):
     """What tables call the program: its file's name, or where renders come from."""
-    command = method["external"]["train"]
+    command = method.external.train
     if not command:
         return "finished renders"
     words = [part for word in shlex.split(command) for part in word.split()[:1]]

@@ -2,8 +2,6 @@
 
 from typing import ClassVar
 
-import pydantic
-
 from alignerf.experiment import jobs
 from alignerf.experiment.keys.key import Keys, key, learning_rates
 from alignerf.methods import align, base
@@ -60,20 +58,16 @@ class PoseOptimization(Keys):
         """Times a plain step: the mean step of a training whose cameras are wrong."""
         return 1 + MORE_TIME * (self.end_fraction - self.delay_fraction)
 
-    @pydantic.model_validator(mode="after")
-    def check_shares(self):
+    def faults(self):
         if self.end_fraction <= self.delay_fraction:
             default = self.default("end_fraction")
-            raise ValueError(f"end_fraction: not after the delay ({default} if none)")
+            yield "end_fraction", f"not after the delay ({default} if none)"
         if self.min_move_px is not None and self.delay_fraction < MIN_LOOK:
-            raise ValueError(
-                f"delay_fraction: before {MIN_LOOK} of the steps a look tells nothing: "
-                "with min_move_px: null there is none"
-            )
+            what = f"before {MIN_LOOK} of the steps a look tells nothing"
+            yield "delay_fraction", f"{what}: with min_move_px: null there is none"
         shares = self.coarse_to_fine
         if shares and not shares[0] < shares[1] < 1:
-            raise ValueError("coarse_to_fine: two shares, first < last < 1")
-        return self
+            yield "coarse_to_fine", "two shares, first < last < 1"
 
 
 class Job(jobs.Full):

@@ -6,7 +6,7 @@ Methods of a model share the pre-training. Between the stages cameras may be cor
 from typing import Literal
 
 from alignerf import methods
-from alignerf.experiment import jobs, schema, trainings
+from alignerf.experiment import jobs, trainings
 from alignerf.experiment.checks.common import fault
 from alignerf.experiment.keys.key import Keys, key, learning_rates
 from alignerf.methods import base
@@ -112,11 +112,11 @@ class Staged(base.Method):
 
     def check(self, config, name):
         """It has no rounds, and shares its pre-training with others of its model."""
-        method, where = config["methods"][name], f"methods.{name}"
-        settings, model = method["alignerf"], method["model"]
-        for other, chosen in config["methods"].items():
-            theirs = chosen["model"] == model and chosen["alignerf"]
-            if theirs and theirs["pretrain_fraction"] != settings["pretrain_fraction"]:
+        method, where = config.methods[name], f"methods.{name}"
+        settings, model = method.alignerf, method.model
+        for other, chosen in config.methods.items():
+            theirs = chosen.model == model and chosen.alignerf
+            if theirs and theirs.pretrain_fraction != settings.pretrain_fraction:
                 what = f"methods.{other} has another, and {model} is pre-trained once"
                 fault(f"{where}.alignerf.pretrain_fraction", what)
 
@@ -126,47 +126,46 @@ class Staged(base.Method):
         job = self.pretraining(experiment, scene, name)
         more = methods.input_cameras(experiment, scene, name)
         # No model's name has a point.
-        folder = f"pretrain/{method['model']}{'.adjusted' * bool(more)}"
+        folder = f"pretrain/{method.model}{'.adjusted' * bool(more)}"
         pretrained = once(trainings.from_photos(scene, folder, job, **more))
         if self.moves(method, None):
             more["cameras"] = trainings.corrected(pretrained)
-            more["flows"] = (pretrained,)
         job = self.finetuning(experiment, scene, name)
         more |= {"initial": pretrained.model, "after": (pretrained,)}
         return [once(trainings.from_photos(scene, f"{name}/round0", job, **more))]
 
     def pretraining(self, experiment, scene, name):
         """What methods share that differ in their fine-tuning."""
-        share = experiment.methods[name]["alignerf"]["pretrain_fraction"]
+        share = experiment.methods[name].alignerf.pretrain_fraction
         job = trainings.common(experiment, scene, name)
-        return schema.check(Pretrain, job | {"pretrain_fraction": share})
+        return Pretrain(**job, pretrain_fraction=share)
 
     def finetuning(self, experiment, scene, name):
         """All that AligNeRF adds, and the file that its loss looks through."""
-        chosen = dict(experiment.methods[name]["alignerf"])
-        weighs = chosen["frequency_weight"] > 0
-        weights = experiment.config["frequency_weights"] if weighs else None
-        chosen["frequency_weights"] = weights
+        chosen = experiment.methods[name].alignerf
+        weighs = chosen.frequency_weight > 0
+        weights = experiment.config.frequency_weights if weighs else None
+        settings = Finetuning(**dict(chosen), frequency_weights=weights)
         job = trainings.common(experiment, scene, name)
-        return schema.check(Finetune, job | {"alignerf": chosen})
+        return Finetune(**job, alignerf=settings)
 
     def moves(self, method, round):
         """Cameras may be corrected between the stages."""
-        return frozenset(["cameras"] * (method["changes"] != "photos"))
+        return frozenset(["cameras"] * (method.changes != "photos"))
 
     def words(self, experiment, name):
         """The contributions that the method has."""
         method = experiment.methods[name]
-        settings = method["alignerf"]
+        settings = method.alignerf
         parts = ["cameras corrected"] if self.moves(method, None) else []
-        if settings["convolution"]:
-            parts.append(f"{settings['features']} features")
-        if settings["radius_px"] != 0:
+        if settings.convolution:
+            parts.append(f"{settings.features} features")
+        if settings.radius_px != 0:
             parts.append("aligned")
-        if settings["error"] != "squared":
-            parts.append(settings["error"])
-        if settings["frequency_weight"] > 0:
-            weights = experiment.config["frequency_weights"]
+        if settings.error != "squared":
+            parts.append(settings.error)
+        if settings.frequency_weight > 0:
+            weights = experiment.config.frequency_weights
             parts.append("VGG-19" if weights else "derivative bank")
         return parts
 

@@ -242,12 +242,10 @@ def left_open(path):
     """Keys that a complete config leaves to facts; ValueError where it is none."""
     config = yaml_files.read(path)
     try:
-        models = config["models"].values()
-        lists = [model.get("decided", []) for model in models]
-        lists.append(config["training"]["decided"])
-        keys = [key for one in lists for key in one]
+        parts = [model | model.get("field", {}) for model in config["models"].values()]
+        training = config["training"]
+        parts += [] if training["budget_min"] else [{"steps": training["steps"]}]
+        return {key for one in parts for key in decided.OPEN if one.get(key, 0) is None}
     except (AttributeError, KeyError, TypeError):
-        keys = [None]
-    if not all(isinstance(key, str) for key in keys):
-        raise ValueError(f"{path}: not a complete config: models, training, decided")
-    return set(keys)
+        fault = "not a complete config: models, training"
+        raise ValueError(f"{path}: {fault}") from None

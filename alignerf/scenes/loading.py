@@ -23,15 +23,15 @@ def by_colmap(folder, scratch, config, *, camera_model="OPENCV", where=None):
     views, model, taken = colmap.pose_folder(
         folder,
         scratch,
-        camera_model=config["colmap"]["camera_model"] or camera_model,
-        max_size_px=config["colmap"]["max_size_px"],
-        seed=config["seed"],
+        camera_model=config.colmap.camera_model or camera_model,
+        max_size_px=config.colmap.max_size_px,
+        seed=config.seed,
         where=where or str(folder),
-        background=config["background"],
-        masks=config["masks"],
-        adjust_again=config["adjust_again"],
+        background=config.background,
+        masks=config.masks,
+        adjust_again=config.adjust_again,
     )
-    least = config["colmap"]["min_registered"]
+    least = config.colmap.min_registered
     check_registered(model, least, where or folder)
     told = registration(model.names, model.left_out)
     told |= told_of_points(model) | told_of_photos(model, taken)
@@ -53,7 +53,7 @@ def read(config, folder, work_folder, cameras_path=None) -> prepare.PosedViews:
     place = {name: i for i, name in enumerate(views.names)}
     names = arrays["names"].tolist()
     if gone := [name for name in names if name not in place]:
-        where = config["path"] or config["source"]
+        where = config.path or config.source
         raise ValueError(f"{where}: the photo of view {faults.shown(gone[0])} is gone")
     views = prepare.select(views, [place[name] for name in names])
     if (folder / prepared.LENS).is_file():
@@ -61,7 +61,7 @@ def read(config, folder, work_folder, cameras_path=None) -> prepare.PosedViews:
     across = views.width / arrays["width"], views.height / arrays["height"]
     if not np.allclose(*across, rtol=prepare.SAME_SHAPE - 1):
         raise ValueError(
-            f"{config['path']}: photos of {views.width}x{views.height} are no longer "
+            f"{config.path}: photos of {views.width}x{views.height} are no longer "
             f"those that {folder / 'cameras.npz'} was made of"
         )
     return views._replace(
@@ -103,8 +103,8 @@ def once_more(photos, config, folder, work_folder):
     taken = ingest.once_more(
         photos,
         work_folder,
-        background=config["background"],
-        masks=config["masks"],
+        background=config.background,
+        masks=config.masks,
     )
     place = {name: i for i, name in enumerate(taken.names)}
     names = lenses["names"].tolist()
@@ -118,7 +118,7 @@ def once_more(photos, config, folder, work_folder):
         np.tile(np.eye(4)[:3], (len(kept), 1, 1)),
         camera_of=lenses["camera_of"].tolist(),
         photos=[prepare.Photo(i, (taken.load,)) for i in kept],
-        masks=config["masks"] and [prepare.Photo(i, (taken.load_mask,)) for i in kept],
+        masks=config.masks and [prepare.Photo(i, (taken.load_mask,)) for i in kept],
         where=photos,
     )
 

@@ -28,9 +28,9 @@ def of_views(config, views):
     """
     read = [*views.photos, *(views.masks or ())]
     found = [one.path for one in read if one.path]
-    if config["path"] and base.of(config).trains:
-        found += lenses.files_of(config["path"])
-        found += [Path(config["path"], name) for name in OF_POSES]
+    if config.path and base.of(config).trains:
+        found += lenses.files_of(config.path)
+        found += [Path(config.path, name) for name in OF_POSES]
     return found
 
 

@@ -54,13 +54,13 @@ def check(views, work, config, *, adjusts, lens, matched=None) -> Checked:
     photos' matches. Writes into `work`. Raises ValueError where another convention
     explains the matches than the config's.
     """
-    started, where = time.monotonic(), config["path"] or config["source"]
-    seed, work = config["seed"], Path(work)
+    started, where = time.monotonic(), config.path or config.source
+    seed, work = config.seed, Path(work)
     size = views.width, views.height
     mistakes.check_principal_points(np.linalg.inv(views.pixtocams), size, where)
     if matched is None:
         log.info("%s: matching %d photos", where, len(views.names))
-        size_px = config["colmap"]["max_size_px"]
+        size_px = config.colmap.max_size_px
         matched = matches.find(views, work, max_size_px=size_px, seed=seed)
     given = calibration.of_views(views, matched)
     photo_px = views.width / matched.width
@@ -77,7 +77,7 @@ def check(views, work, config, *, adjusts, lens, matched=None) -> Checked:
     report |= stand_out(matched, given, photo_px, where)
     found, told = None, {"accepted": False, "why": "not asked for"}
     if adjusts:
-        options = {"lens": lens, "where": where, "second": config["adjust_again"]}
+        options = {"lens": lens, "where": where, "second": config.adjust_again}
         options |= {"convention": convention, "focal_px": focal_px(views)}
         found, told = correction.correct(
             matched, given, work, seed, photo_px, **options
@@ -97,7 +97,7 @@ def convention_of(matched, given, photo_px, config):
     found = mistakes.find(matched, given.pixtocams, given.camtoworlds)
     own_px, names = found[mistakes.NONE][0], list(found)[1:]
     px = None if np.isinf(own_px) else round(photo_px * own_px, 4)
-    stated = config["pose_convention"] is not None
+    stated = config.pose_convention is not None
     return px, mistakes.NONE if stated or not names else names[0]
 
 

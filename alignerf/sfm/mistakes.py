@@ -193,7 +193,7 @@ def undone(convention, names, camtoworlds):
 
 def stated(views, config):
     """The views without the mistake that a scene's `pose_convention` says they have."""
-    poses = undone(config["pose_convention"] or NONE, views.names, views.camtoworlds)
+    poses = undone(config.pose_convention or NONE, views.names, views.camtoworlds)
     return views._replace(camtoworlds=poses)
 
 

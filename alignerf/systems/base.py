@@ -5,6 +5,7 @@ from typing import ClassVar, Literal
 import pydantic
 
 from alignerf.experiment.keys.key import Keys, key
+from alignerf.experiment.keys.training import Changes
 
 PRECISIONS = Literal["float32", "bfloat16"]
 PRECISION = (
@@ -22,12 +23,6 @@ BEHIND_OR_OPAQUE = (
 )
 # What no machine is asked for: parameters and all of their training.
 MAX_BYTES = 2**38
-
-
-def changes():
-    """The key `training` of a model, of type `keys.training.Changes`."""
-    what = "keys of `training` that are others for this model; not steps or budget"
-    return key({}, what)
 
 
 def two_looks(*default):
@@ -50,6 +45,23 @@ class System(Keys):
     RATES: ClassVar = (0.001, 0.0001)
     HAS_NO: ClassVar = ("interlevel_weight", "distortion_weight", "proposal_fraction")
     NETWORKS: ClassVar = 1
+
+    training: Changes = key(
+        Changes, "keys of `training` that are others for this model; no budget"
+    )
+
+    @pydantic.field_serializer("training")
+    def as_given(self, changes):
+        return changes.given
+
+    @property
+    def open(self):
+        """Keys that `decide` leaves to a scene's facts: `decisions` has a rule each."""
+        return []
+
+    def closed(self, values):
+        """The model with values, or the usual ones, for keys that are null."""
+        return self
 
     @property
     def rates(self):
@@ -85,11 +97,10 @@ class System(Keys):
         raise NotImplementedError
 
     def faults(self):
-        """Yield (key, reason) of what does not go together."""
-        if hasattr(self, "far") and self.near >= self.far:
+        if hasattr(self, "far") and self.closed({}).near >= self.far:
             yield "", "near must be smaller than far"
         for name in self.HAS_NO:
-            if name in self.training:
+            if name in self.training.given:
                 yield f"training.{name}", f"kind {self.kind} has none"
         for name, part in self.sized.items():
             if hasattr(part, "log2_hashmap_size"):

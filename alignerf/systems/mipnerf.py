@@ -3,7 +3,6 @@
 from typing import ClassVar, Literal
 
 from alignerf.experiment.keys.key import key
-from alignerf.experiment.keys.training import Changes
 from alignerf.systems import base
 
 
@@ -36,7 +35,6 @@ class MipNerfSystem(base.System):
     view_width: int = key(128, "of the head's layer", least=1, most=16384)
     background: Literal["black", "white"] = key("black", base.BEHIND)
     precision: base.PRECISIONS = key("float32", base.PRECISION)
-    training: Changes = base.changes()
 
     def made(self, parts, **options):
         network = parts.radiance.Radiance(

@@ -4,12 +4,12 @@ from typing import Annotated, ClassVar, Literal
 
 import pydantic
 
-from alignerf.experiment.keys.key import Keys, key, left_to_facts
-from alignerf.experiment.keys.training import Changes
+from alignerf.experiment.keys.key import Keys, key
 from alignerf.systems import base
 
-# What `decide` leaves to a scene's facts: `experiment.decisions` has a rule for each.
-OPEN_OF_MODEL = ("near", "radius", "max_resolution")
+# Of keys that are null, where no scene's facts decide them.
+USUAL = {"near": 0.2, "radius": 1.0, "max_resolution": 2048}
+OF_PROPOSAL = 1024
 # Of a field that contracts nothing, in units of the largest camera coordinate.
 MAX_FAR = 100
 
@@ -29,7 +29,13 @@ class Grid(Keys):
     )
     features: int = key(4, "numbers a row", least=1, most=64)
     base_resolution: int = key(16, "cells a side", least=2, most=2**20)
-    max_resolution: int = key(1024, "cells a side", least=2, most=2**20)
+    max_resolution: int | None = key(
+        None,
+        f"cells a side; null: {USUAL['max_resolution']}, or what `decide` makes of it, "
+        f"of a proposal {OF_PROPOSAL}",
+        least=2,
+        most=2**20,
+    )
     anti_aliased: bool = key(
         True,
         "true: cells much smaller than what a sample stands for tell it nothing, as in "
@@ -93,16 +99,17 @@ class Model(base.System):
     HAS_NO: ClassVar = ()
 
     kind: Literal["mipnerf360"] = key("mipnerf360", "proposals, in contracted space")
-    near: float = key(
-        0.2,
-        "nearest distance, in units of the largest camera coordinate",
+    near: float | None = key(
+        None,
+        f"{base.NEAR}; null: {USUAL['near']:g}, or what `decide` makes of it",
         above=0,
         most=1e6,
     )
     far: float = key(1e6, "farthest distance", above=0, most=1e18)
-    radius: float = key(
-        1.0,
-        "of the ball that is not contracted, in units of the largest camera coordinate",
+    radius: float | None = key(
+        None,
+        "of the ball that is not contracted, in units of the largest camera "
+        f"coordinate; null: {USUAL['radius']:g}, or what `decide` makes of it",
         above=0,
         most=1e6,
     )
@@ -119,9 +126,7 @@ class Model(base.System):
         Grid(levels=4, log2_hashmap_size=15, features=2, max_resolution=256, width=16),
         FIELD,
     )
-    field: Annotated[Grid | Mlp | Nerf, BY_KIND] = key(Grid(max_resolution=2048), FIELD)
-    training: Changes = base.changes()
-    decided: list[Literal[OPEN_OF_MODEL]] = left_to_facts(*OPEN_OF_MODEL)
+    field: Annotated[Grid | Mlp | Nerf, BY_KIND] = key(Grid, FIELD)
 
     @pydantic.field_validator("proposal", "field", mode="before")
     @classmethod
@@ -130,6 +135,26 @@ class Model(base.System):
         if isinstance(value, dict) and "kind" not in value:
             return cls.default(about.field_name).model_dump() | value
         return value
+
+    @property
+    def open(self):
+        # Only a grid has cells; a field of points contracts nothing.
+        parts = {"near": self, "max_resolution": self.field}
+        parts |= {"radius": self} if self.field.kind != "nerf" else {}
+        return [name for name in USUAL if getattr(parts.get(name), name, 0) is None]
+
+    def closed(self, values):
+        values, found = USUAL | values, {}
+        for name in ("near", "radius"):
+            if getattr(self, name) is None:
+                found[name] = values[name]
+        for name, cells in (
+            ("field", values["max_resolution"]),
+            ("proposal", OF_PROPOSAL),
+        ):
+            if getattr(part := getattr(self, name), "max_resolution", 0) is None:
+                found[name] = part.model_copy(update={"max_resolution": cells})
+        return self.model_copy(update=found)
 
     @property
     def rates(self):
@@ -157,7 +182,7 @@ class Model(base.System):
         if self.field.kind == "nerf" and self.far > MAX_FAR:
             # Sines of distant points are noise, and nothing contracts them.
             yield "far", f"field nerf sees no farther than {MAX_FAR}"
-        for name in set(self.has_no) & self.training.keys():
+        for name in {*self.has_no} & {*self.training.given}:
             yield f"training.{name}", "none with field nerf, or with a background"
 
     def made(self, parts, *, native, moving, **of_field):

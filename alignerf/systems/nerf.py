@@ -3,7 +3,6 @@
 from typing import ClassVar, Literal
 
 from alignerf.experiment.keys.key import key
-from alignerf.experiment.keys.training import Changes
 from alignerf.systems import base
 
 
@@ -28,7 +27,6 @@ class NerfSystem(base.System):
     )
     background: Literal["black", "white"] = key("black", base.BEHIND)
     precision: base.PRECISIONS = key("float32", base.PRECISION)
-    training: Changes = base.changes()
 
     @property
     def points_a_ray(self):

@@ -8,7 +8,6 @@ through a grid of what is occupied; here proposals find the samples, as in mip-N
 from typing import ClassVar, Literal
 
 from alignerf.experiment.keys.key import key
-from alignerf.experiment.keys.training import Changes
 from alignerf.systems import base
 
 # A side in cells: its third power is a 64-bit number.
@@ -49,7 +48,6 @@ class InstantNgp(base.System):
     width: int = key(64, "of the networks", least=1, most=16384)
     background: Literal["black", "white"] | None = key(None, base.BEHIND_OR_OPAQUE)
     precision: base.PRECISIONS = key("float32", base.PRECISION)
-    training: Changes = base.changes()
 
     def faults(self):
         yield from super().faults()

@@ -70,7 +70,7 @@ def begin(
     kernels = calls.name_of(job.training.kernels)
     data = checkpoint.digest((params, views)), sources, kernels
     job, built, facts = in_budget(job, method, built, params, views, checkpoints, data)
-    identity = checkpoint.fingerprint(jobs.as_dict(job), *data)
+    identity = checkpoint.fingerprint(job.model_dump(), *data)
     facts |= describe(job, method, params)
     aligner.begin(job.steps, identity)
     fresh = Resumed(program.fresh_state(built.optimizer, params), 0.0, None, {})
@@ -110,7 +110,7 @@ def in_budget(job, method, built, params, views, checkpoints, data):
     """
     if job.budget_min is None:
         return job, built, {}
-    identity = checkpoint.fingerprint(jobs.as_dict(job), *data)
+    identity = checkpoint.fingerprint(job.model_dump(), *data)
     budget = checkpoint.read_budget(checkpoints, identity=identity)
     if budget is None:
         # A new training begins in the usual micro-batches.

@@ -1,6 +1,6 @@
 """A toy method: cameras are corrected once, and a shorter training follows."""
 
-from alignerf.experiment import jobs, schema, trainings
+from alignerf.experiment import jobs, trainings
 from alignerf.experiment.keys import key as keys
 from alignerf.methods import base
 
@@ -20,14 +20,13 @@ class GoesOn(base.Method):
         """One training, with the cameras that the baseline's flow has corrected."""
         first = experiment.at(scene, experiment.baseline(name), 0)
         job = trainings.common(experiment, scene, name)
-        share = experiment.methods[name]["goes_on"]["share"]
-        steps = round(share * job["training"]["steps"])
-        job["training"] |= trainings.retimed(job["training"], steps)
+        share = experiment.methods[name].goes_on.share
+        steps = round(share * job["training"].steps)
+        job["training"] = trainings.retimed(job["training"], steps)
         training = trainings.from_photos(
-            *(scene, f"{name}/round0", schema.check(jobs.Full, job)),
+            *(scene, f"{name}/round0", jobs.Full(**job)),
             cameras=trainings.corrected(first),
             after=(first,),
-            flows=(first,),
         )
         return [once(training)]
 

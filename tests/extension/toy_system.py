@@ -3,7 +3,6 @@
 from typing import Literal
 
 from alignerf.experiment.keys.key import key
-from alignerf.experiment.keys.training import Changes
 from alignerf.systems import base
 
 
@@ -16,7 +15,6 @@ class OneLook(base.System):
     samples: list[int] = key([16], "points a ray", least=2, most=4096, length=(1, 1))
     width: int = key(16, "channels", least=1, most=16384)
     depth: int = key(2, "layers", least=1, most=64)
-    training: Changes = base.changes()
 
     def made(self, parts, **options):
         field = parts.fields.make("nerf", width=self.width, depth=self.depth)

@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 import yaml
 
-from alignerf.experiment import check, sources
+from alignerf.experiment import sources
 from alignerf.experiment.tables import scenes, shipped
 from alignerf.io import machine
 
@@ -56,7 +56,10 @@ def check_plan(output, config):
 
 def sized(path, small=True):
     """A config in one of its sizes."""
-    return check.sized(yaml.safe_load(path.read_text()) | {"small": small})
+    config = yaml.safe_load(path.read_text())
+    full_size = config.pop("full_size", {})
+    config.pop("small", None)
+    return config if small else config | full_size
 
 
 def expected_jobs(config):
@@ -195,7 +198,7 @@ def test_the_papers_own_size_is_planned_without_its_data(
     experiment = experiments_of([target], small=False).by_name[target]
     jobs = check_target(output, target, experiment, experiment.captures())
     assert jobs["train"] == AT_FULL_SIZE[target]
-    photos = {s["path"] for s in experiment.scenes.values() if s.get("path")}
+    photos = {s.path for s in experiment.scenes.values() if s.path}
     fetched = {name: count for name, count in jobs.items() if "download" in name}
     assert fetched == {"download_scene": len(photos) or 1}
     assert not list(tmp_path.glob("**/360_v2*"))
@@ -451,9 +454,7 @@ def test_a_source_is_of_the_stages_that_run_it(path, stages):
 @pytest.mark.whole
 def test_a_plan_asks_each_job_little(tmp_path):
     """Calls, not seconds, which depend on the machine: 282 a job, 97 to begin with."""
-    found = check.sized(
-        yaml.safe_load((ROOT / "workflow/config/table4.yaml").read_text())
-    )
+    found = sized(ROOT / "workflow/config/table4.yaml")
     (scene,) = found["scenes"].values()
     copies = {f"scene_{k}": dict(scene) for k in range(5)}
     kept = {key: value for key, value in found.items() if key != "vary"}

@@ -43,7 +43,7 @@ GRID = {
         "max_resolution": 128,
         "width": 16,
     },
-    "field": {"kind": "grid", "log2_hashmap_size": 15},
+    "field": {"kind": "grid", "log2_hashmap_size": 15, "max_resolution": 1024},
 }
 
 # The baseline's training, as published.
@@ -76,7 +76,7 @@ def make_job(model, *, batch_rays, steps=250_000, **training) -> jobs.Job:
 
 def as_json(job):
     """A job as the command line takes it."""
-    return json.dumps(jobs.as_dict(job))
+    return json.dumps(job.model_dump())
 
 
 @dataclasses.dataclass(frozen=True)

@@ -91,7 +91,7 @@ def line_fault(text, place):
 
 def job_of(config):
     """A fine-tuning's job of a complete config, as its rule would be given it."""
-    experiment = plan.Experiment(config)
+    experiment = plan.Experiment(check.checked(config))
     (staged, *_) = experiment.names("in_crops")
     return experiment.at(next(iter(experiment.scenes)), staged, 0).job.model_dump()
 
@@ -102,7 +102,7 @@ def complete(config):
     config = copy.deepcopy(config)
     config["models"] |= {kind: {"kind": kind} for kind in systems}
     config["methods"] |= {f"{kind}_": {"model": kind} for kind in systems}
-    return check.checked(config)
+    return check.checked(config).model_dump()
 
 
 def tried(function, config, count):

@@ -163,11 +163,11 @@ def run(folder, words):
 def engine(path, *_, **__):
     """What Snakemake and its jobs do to folders; see Snakefile."""
     config = check.checked(yaml.safe_load(Path(path or "none").read_text()))
-    results.check_folders(config["scenes"], config["methods"])
-    folders = [Path("results", s, one) for s in config["scenes"] for one in REPLACED]
+    results.check_folders(config.scenes, config.methods)
+    folders = [Path("results", s, one) for s in config.scenes for one in REPLACED]
     kept = [one for one in folders if "export" in one.parts]
     gone = [one for one in folders if one not in kept]
-    results.claim(config["scenes"], gone)
+    results.claim(config.scenes, gone)
     for folder in gone:
         # As Snakemake does: of a link itself.
         if folder.is_symlink():

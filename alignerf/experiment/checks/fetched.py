@@ -2,7 +2,8 @@
 
 import os
 
-from alignerf.experiment.checks.common import fault, home
+from alignerf.experiment.checks.common import fault
+from alignerf.experiment.keys.key import home
 
 # mip-NeRF 360's archives and the scenes in them.
 ARCHIVES = {

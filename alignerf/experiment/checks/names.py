@@ -59,8 +59,8 @@ def check_free(scenes, rules):
 
 def check_published(config):
     """Names that the paper's table has, where one is shown."""
-    number = config["published_table"]
-    named = {n: m["published"] for n, m in config["methods"].items() if m["published"]}
+    number = config.published_table
+    named = {n: m.published for n, m in config.methods.items() if m.published}
     if number is None and named:
         name = first(named)
         fault(f"methods.{name}.published", "only with published_table")

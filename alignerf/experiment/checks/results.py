@@ -12,10 +12,8 @@ from pathlib import Path
 
 import filelock
 
-from alignerf.captures import base
 from alignerf.experiment.checks.common import fault
 from alignerf.io import atomic, faults, owned
-from alignerf.methods import named_folders
 
 # Folders of a scene besides those of its methods.
 INSIDE = ("images", "tables", "figures", "logs", "pretrain", "testset")
@@ -139,18 +137,19 @@ def is_stored(folder):
 
 def check_apart(config, results="results"):
     """ValueError naming a key whose path lies in or above a folder that is written."""
-    written = [Path(results, name) for name in (*SHARED, *config["scenes"])]
-    check_reads(paths_of(config), written)
+    written = [Path(results, name) for name in (*SHARED, *config.scenes)]
+    # Crops have the photos of their scene, whose key comes first.
+    found = {
+        path.replace("{scene}", scene).partition("{")[0]: key
+        for key, path in reversed(config.paths().items())
+        for scene in (config.scenes if "{" in path else [""])
+    }
+    check_reads(found, written)
 
 
 def check_reads(paths, written):
-    """The same of {key: path} and folders. Real paths count, as links lead to them."""
-    # Crops have the photos of their scene: each path is looked at once.
-    first = {}
-    for key, path in paths.items():
-        if path:
-            first.setdefault(path, key)
-    every = [(k, one) for path, k in first.items() for one in with_links(path)]
+    """The same of {path: key} and folders. Real paths count, as links lead to them."""
+    every = [(k, one) for path, k in paths.items() if path for one in with_links(path)]
     for key, path in every:
         for folder in written:
             inside = lies_in(path, folder)
@@ -177,24 +176,6 @@ def with_links(path):
                 place = real if os.path.isdir(real) else os.path.dirname(real)
                 places.setdefault(place, one.path)
     yield from places.values()
-
-
-def paths_of(config):
-    """{key: path} of all that a complete config reads; of a template what is fixed."""
-    found = {f"lpips.{net}": path for net, path in config["lpips"].items()}
-    found["frequency_weights"] = config["frequency_weights"]
-    for scene, keys in config["scenes"].items():
-        own = base.reads(keys).items()
-        found |= {f"scenes.{scene}.{key}": path for key, path in own}
-    templates = {"flow.folder": config["flow"]["folder"]}
-    for name, method in config["methods"].items():
-        for place, mapping, key in named_folders(method):
-            templates[f"methods.{name}.{place}"] = mapping.get(key)
-    for key, template in templates.items():
-        for scene in config["scenes"] if template else ():
-            path = template.replace("{scene}", scene).partition("{")[0]
-            found[f"{key}, {scene}"] = path
-    return found
 
 
 def lies_in(path, folder):

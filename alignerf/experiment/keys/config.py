@@ -6,7 +6,7 @@ import pydantic
 
 from alignerf import methods
 from alignerf.experiment.keys.flow import Flow
-from alignerf.experiment.keys.key import Keys, key, named
+from alignerf.experiment.keys.key import PATH, Keys, key, named
 from alignerf.experiment.keys.model import Models
 from alignerf.experiment.keys.scene import NAME, Scene
 from alignerf.experiment.keys.training import Training
@@ -31,9 +31,9 @@ class AlignedPose(Keys):
 
 
 class Lpips(Keys):
-    alex: str | None = key(None, "AlexNet")
-    squeeze: str | None = key(None, "SqueezeNet 1.1")
-    vgg: str | None = key(None, "VGG-16")
+    alex: PATH | None = key(None, "AlexNet")
+    squeeze: PATH | None = key(None, "SqueezeNet 1.1")
+    vgg: PATH | None = key(None, "VGG-16")
 
 
 class Vary(Keys):
@@ -119,7 +119,7 @@ class Config(Keys):
     reference: Reference = key(
         Reference, "the model whose renders the warped test set is made from"
     )
-    frequency_weights: str | None = key(
+    frequency_weights: PATH | None = key(
         None,
         ".npz of VGG-19's first block for the high-frequency loss; null takes a fixed "
         "bank of oriented derivative filters",

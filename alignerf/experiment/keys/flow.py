@@ -3,7 +3,7 @@
 from typing import Literal
 
 from alignerf.experiment.keys import estimators
-from alignerf.experiment.keys.key import Keys, key
+from alignerf.experiment.keys.key import PATH, Keys, key
 
 
 class Flow(Keys):
@@ -12,7 +12,7 @@ class Flow(Keys):
         "optical flow, see flow/estimation/estimators.py; files reads flows made "
         "elsewhere from `folder`",
     )
-    folder: str | None = key(
+    folder: PATH | None = key(
         None,
         "where estimator `files` finds <view>.flo or <view>.npz (render to photo) and, "
         "if there is a check to be made, <view>.back.flo or .npz; {scene}, {method}, "
@@ -36,3 +36,16 @@ class Flow(Keys):
         above=0,
         most=1000,
     )
+
+    def faults(self):
+        if self.estimator == "files" and not self.folder:
+            yield "", "'folder' is a required property of estimator 'files'"
+        if self.folder and self.estimator != "files":
+            yield "folder", f"estimator {self.estimator!r} reads none"
+        # Plain names: format specifications and attributes could ask for anything.
+        rest = self.folder or ""
+        for name in ("scene", "method", "round", "split"):
+            rest = rest.replace(f"{{{name}}}", "")
+        if set(rest) & set("{}"):
+            what = "in braces only scene, method, round and split have a meaning"
+            yield "folder", f"{self.folder}: {what}"

@@ -1,7 +1,9 @@
 """What a key is: a field with its default, its meaning and its bounds."""
 
-import copy
 import difflib
+import os
+import re
+from pathlib import Path
 from typing import Annotated
 
 import pydantic
@@ -13,6 +15,7 @@ REQUIRED = object()
 # Of models, methods and variants: they become folders, and columns of tables.
 NAME = r"^[A-Za-z0-9][A-Za-z0-9_]{0,99}\Z"
 MAX_NAMES = 10000
+DATA = re.compile(r"\$\{ALIGNERF_DATA:-([^{}]*)\}")
 # The least and the largest that float32 has with all its digits: JAX computes in it,
 # and takes what is smaller for 0.
 LEAST, LARGEST = 2.0**-126, 2.0**128 - 2.0**104
@@ -41,6 +44,7 @@ RENAMED = {
 REMOVED = {
     "refine_keypoints": ": keypoints are not aligned by patches any more; the second "
     "adjustment of COLMAP's poses is `adjust_again`",
+    "decided": ": what facts decide is null",
     "depth_kind": ": `depth` is along the optical axis",
     "depth_scale": ": `depth` is in the unit of the cameras",
     "dilation": ": the method `aligned_loss: {}` replaces dilated patches",
@@ -74,14 +78,14 @@ class Keys(pydantic.BaseModel):
     )
 
     @classmethod
-    def names(cls):
-        """{key as a config has it: the field's name}; `from` is a word of Python's."""
-        return {info.alias or name: name for name, info in cls.model_fields.items()}
-
-    @classmethod
     def default(cls, name):
         """A key's default, also of a class that needs other keys."""
         return cls.model_fields[name].get_default(call_default_factory=True)
+
+    @property
+    def given(self):
+        """{key: value} of the keys that a config says itself."""
+        return {name: getattr(self, name) for name in self.model_fields_set}
 
     def __hash__(self):
         """By value, as they are equal."""
@@ -91,7 +95,7 @@ class Keys(pydantic.BaseModel):
     @classmethod
     def check_known(cls, values):
         """ValueError for the first unknown key, with the one that it may stand for."""
-        names = cls.names()
+        names = cls.model_fields
         for key in values if isinstance(values, dict) else ():
             if key not in names:
                 word = key[:100] if isinstance(key, str) else ""
@@ -105,11 +109,25 @@ class Keys(pydantic.BaseModel):
                 )
         return values
 
+    def paths(self):
+        """{place: path} of all files and folders that it names, at any depth."""
+        return dict(named_in(self))
+
+    def faults(self):
+        """Yield (key, reason) of what does not go together; key "" is the section."""
+        return ()
+
+    @pydantic.model_validator(mode="after")
+    def check_faults(self):
+        """ValueError for the first fault."""
+        for where, reason in self.faults():
+            raise ValueError(f"{where}: {reason}" if where else reason)
+        return self
+
     @pydantic.model_validator(mode="after")
     def check_digits(self):
         """ValueError for a number that float32 has not: it would fail far from here."""
-        for key, name in self.names().items():
-            value = getattr(self, name)
+        for key, value in self:
             for one in value if isinstance(value, list) else [value]:
                 if isinstance(one, float) and one and not LEAST <= abs(one) <= LARGEST:
                     raise ValueError(
@@ -158,6 +176,38 @@ def key(default=REQUIRED, what="", *, length=None, **bounds):
     return field
 
 
+class File(str):
+    """The path of a file or a folder that a key names."""
+
+    __slots__ = ()
+
+
+def named_in(values, *above):
+    """Yield (place, path) of a section, or of a mapping; above: the keys above it."""
+    for name, value in dict(values).items():
+        if isinstance(value, Keys | dict):
+            yield from named_in(value, *above, name)
+        elif isinstance(value, File):
+            yield ".".join((*above, name)), value
+
+
+def home(path):
+    """A path with `~` and ${ALIGNERF_DATA:-default} written out, as a shell does it.
+
+    The variable names the folder of real data, the default stands in the config.
+    """
+    given = os.environ.get("ALIGNERF_DATA")
+    path = DATA.sub(lambda found: given or found[1], path)
+    try:
+        return File(Path(path).expanduser())
+    except RuntimeError:
+        raise ValueError(f"{path}: no such user's home") from None
+
+
+# Type of a key that names a file or a folder.
+PATH = Annotated[str, pydantic.Field(pattern=r"\S"), pydantic.AfterValidator(home)]
+
+
 def named(kind, pattern=NAME):
     """Type of a mapping from names to instances of a class."""
     name = Annotated[str, pydantic.Field(pattern=pattern)]
@@ -165,42 +215,14 @@ def named(kind, pattern=NAME):
     return Annotated[dict[name, kind], size]
 
 
-def nothing():
-    """As a default it stands in no schema."""
-    return None
-
-
-def some(kind, *names):
-    """{name: field} of a class for one that has them only where they are given."""
-    fields = {}
-    for name in names:
-        fields[name] = copy.copy(kind.model_fields[name])
-        fields[name].default = pydantic.fields.PydanticUndefined
-        fields[name].default_factory = nothing
-    return {name: (field.annotation, field) for name, field in fields.items()}
-
-
-def as_given(value, validate):
-    """A mapping that was checked, as it was: nothing is filled."""
-    validate(value)
-    return value
-
-
-def given(kind):
-    """Type of a mapping with keys of a class, those that are given and no other."""
-    check, write = pydantic.WrapValidator(as_given), pydantic.PlainSerializer(dict)
-    return Annotated[kind, check, write]
-
-
 def learning_rates(first, last):
     what = "first and last, log-linear between"
     return key([first, last], what, above=0, most=10, length=(2, 2))
 
 
+# The fault of a section with steps and a budget.
+ONE_LENGTH = "budget_min", "not beside steps, choose one"
+
+
 def budget(what):
     return key(None, what, above=0, most=14400)
-
-
-def left_to_facts(*names):
-    what = "keys that the scene's facts decide: all that a config with `decide` lacks"
-    return key([], what, length=(0, len(names)))

@@ -5,7 +5,6 @@ from typing import Annotated, Union
 import pydantic
 
 from alignerf import systems
-from alignerf.experiment import schema
 
 KINDS = systems.every()
 USUAL = next(iter(KINDS))
@@ -21,8 +20,3 @@ Models = Annotated[
     pydantic.Field(discriminator="kind"),
     pydantic.BeforeValidator(of_usual_kind),
 ]
-
-
-def system_of(model):
-    """The system of a model, a mapping with defaults."""
-    return schema.check(KINDS[model["kind"]], model)

@@ -5,7 +5,7 @@ from typing import Literal
 import pydantic
 
 from alignerf.captures import base
-from alignerf.experiment.keys.key import Keys, budget, key
+from alignerf.experiment.keys.key import ONE_LENGTH, PATH, Keys, budget, key
 from alignerf.io.environment import extensions
 
 SOURCES = base.every()
@@ -29,6 +29,8 @@ CONVENTIONS = ("as_stated", *AXES, *MEANINGS)
 CONVENTIONS += tuple(f"{meaning}_{axes}" for meaning in MEANINGS for axes in AXES)
 CONVENTIONS += tuple(f"{w}_{x}" for w in ("left_handed", "mirrored") for x in "xyz")
 CONVENTIONS += ("natural_order", "name_order", "reversed_order")
+# Keys that some sources have alone.
+OWN = ("images", "background", "masks")
 # A name becomes a folder: no path escapes by it.
 NAME = r"^(?!.*\.\.)[A-Za-z0-9][A-Za-z0-9_.-]{0,99}\Z"
 
@@ -70,7 +72,7 @@ class Common(Keys):
     source: Literal[tuple(SOURCES)] = key(
         what="; ".join(f"{name}: {one.what}" for name, one in SOURCES.items())
     )
-    path: str | None = key(
+    path: PATH | None = key(
         None,
         "folder of photos, of transforms.json, of poses_bounds.npy and images or "
         "images_<n>, of sparse/0 and images_<n>, of transforms_train.json and "
@@ -88,7 +90,7 @@ class Common(Keys):
         f"of {having('background')}: what lies behind transparent "
         "pixels; null refuses them",
     )
-    masks: str | None = key(
+    masks: PATH | None = key(
         None,
         "of photos: folder of <photo's file name>.png, black where a photo does not "
         "count, as COLMAP has them",
@@ -175,6 +177,34 @@ class Common(Keys):
         "true ones; false: never",
     )
     colmap: Colmap = key(Colmap, "how COLMAP finds poses")
+
+    def faults(self):
+        source = base.of(self)
+        poses, name = source.poses_of(self), source.name
+        if poses not in source.poses:
+            possible = " or ".join(source.poses)
+            yield (
+                "poses",
+                f"{poses!r} is not possible for source {name!r}, only {possible}",
+            )
+        if source.has_path and not self.path:
+            yield "path", f"source {name!r} needs one"
+        for own in OWN:
+            if getattr(self, own) and own not in source.keys:
+                yield own, f"source {name!r} has none"
+        for other in SECTIONS.keys() - {name}:
+            # Whole sections of defaults stand in every complete config.
+            if self.default(other) is None and getattr(self, other) is not None:
+                yield other, f"goes with source {other!r}, and that with it"
+        if poses == "adjusted" and self.triangulate is False:
+            yield "triangulate", "adjusted poses need matches"
+        if poses not in base.INPUT and self.pose_convention:
+            yield "pose_convention", "only of cameras that came with the photos"
+        if self.test_every is not None and source.says_split:
+            yield "test_every", f"{name}'s files say what is held out"
+        if self.steps and self.budget_min:
+            yield ONE_LENGTH
+        yield from source.faults(self)
 
 
 SECTIONS = {name: one.section for name, one in SOURCES.items() if one.section}

@@ -2,23 +2,19 @@
 
 from typing import Literal
 
-import pydantic
+from alignerf.experiment.keys.key import ONE_LENGTH, Keys, budget, key
 
-from alignerf.experiment.keys.key import Keys, budget, given, key, left_to_facts, some
-
-# What `decide` leaves to a scene's facts: `experiment.decisions` has a rule for it.
-OPEN_OF_TRAINING = ("steps",)
+USUAL_STEPS = 4000
 
 
-class Training(Keys):
-    """How the baseline is trained; the other stages start from it."""
+class Changes(Keys):
+    """Keys of `training` in which a model's trainings may differ: those given count."""
 
     steps: int | None = key(
-        4000, "steps of plain training; null with a budget_min", least=1, most=10**8
-    )
-    budget_min: float | None = budget(
-        "minutes of plain training, instead of steps: the machine is timed at the "
-        "start; each stage takes its fraction of the minutes"
+        None,
+        f"steps of plain training; null: {USUAL_STEPS}, or what `decide` makes of it",
+        least=1,
+        most=10**8,
     )
     batch_rays: int = key(512, "rays a step", least=1, most=2**22)
     learning_rates: list[float] | None = key(
@@ -73,39 +69,27 @@ class Training(Keys):
         "compiled once; jax, XLA's own code; auto: native where there is a compiler. "
         "Both agree to rounding",
     )
-    decided: list[Literal[OPEN_OF_TRAINING]] = left_to_facts(*OPEN_OF_TRAINING)
 
 
-def warmup(training):
-    """The warm-up of a training, as a mapping, that may leave it to its steps.
+class Training(Changes):
+    """How the baseline is trained; the other stages start from it."""
 
-    Null as long as its steps are not known.
-    """
-    given, steps = training["warmup_steps"], training["steps"]
-    if given is None and steps is not None:
-        given = round(0.1 * steps)
-    return {"warmup_steps": given}
+    budget_min: float | None = budget(
+        "minutes of plain training, instead of steps: the machine is timed at the "
+        "start; each stage takes its fraction of the minutes"
+    )
 
+    def faults(self):
+        if self.steps and self.budget_min:
+            yield ONE_LENGTH
 
-# Keys of `training` in which a model's trainings differ, but not in their budget. A
-# job's training has taken them in, so that of a job nothing is left here.
-SAME = {"budget_min"}
-DIFFER = [name for name in Training.model_fields if name not in SAME]
-Changes = given(
-    pydantic.create_model("Changes", __base__=Keys, **some(Training, *DIFFER))
-)
+    @property
+    def whole(self):
+        """Its steps, the usual ones where they are open; None with a budget."""
+        return None if self.budget_min else self.steps or USUAL_STEPS
 
-
-def check_length(given, where):
-    """ValueError where a mapping as it was written has steps and a budget."""
-    if given.get("steps") is not None and given.get("budget_min") is not None:
-        raise ValueError(f"config: {where}.budget_min: not beside steps, choose one")
-
-
-def length(training):
-    """What decides how long a training is, of a mapping with defaults: one is null."""
-    steps, budget_min = training["steps"], training["budget_min"]
-    if steps is None and budget_min is None:
-        raise ValueError("config: training.steps: null is only for a budget_min")
-    steps = steps if budget_min is None else None
-    return {"steps": steps, "budget_min": budget_min}
+    def warmup(self, steps):
+        """Steps of warm-up of so many; null where neither are known."""
+        if self.warmup_steps is None and steps is not None:
+            return round(0.1 * steps)
+        return self.warmup_steps

@@ -15,7 +15,9 @@ def poses(experiment, w):
 
     Crops of another scene have its photos and cameras.
     """
-    paths = experiment.capture(w.scene).paths(experiment.scenes[w.scene])
+    paths = experiment.scenes[w.scene].paths()
+    # What earlier renders were told is the verdict's.
+    paths.pop("external_renders.before", None)
     own = {key.replace(".", "_"): path for key, path in paths.items()}
     options, inputs = {"config": plan.scene_config(experiment, w.scene)}, {}
     if parent := experiment.parent(w.scene):
@@ -91,7 +93,7 @@ def collect(experiment, w):
 
 def tables(experiment, w):
     """A table of a scene, as CSV and LaTeX."""
-    scene, called = layout.Scene(w.scene), experiment.scenes[w.scene]["published"]
+    scene, called = layout.Scene(w.scene), experiment.scenes[w.scene].published
     published = rows.published(called)
     command = words(
         "alignerf.tabulate",
@@ -129,8 +131,8 @@ def test_views(experiment, scene):
     """Test views of the reference round by round, then of others that fix, named."""
     if "test" not in experiment.capture(scene).splits(experiment.scenes[scene]):
         return []
-    method = experiment.config["reference"]["method"]
-    every = range(experiment.methods[method]["rounds"] + 1)
+    method = experiment.config.reference.method
+    every = range(experiment.methods[method].rounds + 1)
     shown = [(experiment.folder(scene, method, k), None) for k in every]
     moved = [n for n in experiment.methods if experiment.moves(n, 0)]
     others = at_length(experiment, scene, [*experiment.names("in_loop"), *moved])
@@ -157,8 +159,8 @@ def compared(experiment, scene):
     others = at_length(experiment, scene, others)
     bases = [experiment.baseline(method) for method in others]
     chosen = []
-    for method in dict.fromkeys(bases or [experiment.config["reference"]["method"]]):
-        chosen += [(method, k) for k in {0, experiment.methods[method]["rounds"]}]
+    for method in dict.fromkeys(bases or [experiment.config.reference.method]):
+        chosen += [(method, k) for k in {0, experiment.methods[method].rounds}]
     chosen += [(method, 0) for method in dict.fromkeys(others) if method not in bases]
     found = []
     for method, k in chosen:
@@ -295,7 +297,7 @@ def moved_cameras(experiment, scene):
     Of a method that aligns or learns its cameras, else of the reference's last round.
     Of renders that are judged: what the verdict's flow says of their cameras.
     """
-    reference = experiment.config["reference"]["method"]
+    reference = experiment.config.reference.method
     capture = experiment.capture(scene)
     if not capture.trains:
         if not capture.can_export(experiment.scenes[scene]):
@@ -334,12 +336,12 @@ def export_folder(experiment, w):
     cameras, warped = exported(experiment, w.scene, w.method, w.what)
     inputs = prepared(scene) | {"learnt": cameras} | warped
     options = {"config": plan.scene_config(experiment, w.scene), "cameras": cameras}
-    options["width"] = experiment.config["export_width_px"]
+    options["width"] = experiment.config.export_width_px
     if warped:
         options |= {"warped": warped["photos"], "valid": warped["valid"]}
         # Photos that a training has warped on its way are warped by the usual kernel.
         if training.valid or not capture.trains:
-            options["kernel"] = experiment.config["flow"]["kernel"]
+            options["kernel"] = experiment.config.flow.kernel
     adjusted = (
         training.cameras == scene.adjusted_train and "cameras" not in training.job.moves
     )
@@ -350,7 +352,7 @@ def export_folder(experiment, w):
         splits = capture.splits(experiment.scenes[w.scene])
         fits = as_given and "test" in splits
     elif targets.moves_cameras(training) and not adjusted:
-        fits = experiment.config["aligned_pose"]
+        fits = experiment.config.aligned_pose
     if fits:
         held_out = [f"{at.flow}/test", f"{at.depth}/test"]
         options["fit_held_out"] = inputs["held_out"] = held_out

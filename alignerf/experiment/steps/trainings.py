@@ -14,7 +14,7 @@ def train(experiment, w):
     options |= {"learnt": at.learnt, "timing": at.timing}
     asked = asks(experiment, training)
     if not training.job.ours:
-        seed = experiment.scenes[w.scene]["seed"]
+        seed = experiment.scenes[w.scene].seed
         command = words("alignerf.external.train", **options, training=at, seed=seed)
         return Step(command, inputs, **asked)
     command = words("alignerf.train", **options, checkpoints=f"{at}/checkpoints")
@@ -28,8 +28,8 @@ def asks(experiment, training):
     if not experiment.capture(training.scene).trains:
         return {"threads": sources.WHOLE_MACHINE}
     if not training.job.ours:
-        keys = experiment.methods[training.owner]["external"]
-        found = {"gpu": keys["gpu"], "memory_mb": keys["mem_mb"]}
+        keys = experiment.methods[training.owner].external
+        found = {"gpu": keys.gpu, "memory_mb": keys.mem_mb}
         return found | {"threads": sources.OF_TRAINING}
     return {"gpu": sources.ACCELERATORS, "threads": sources.OF_TRAINING}
 
@@ -95,10 +95,10 @@ def threads_of_views(experiment, w):
 
 def flow_of(experiment, **names):
     """The same for renders of these names, whose flows may come from elsewhere."""
-    flow, found = experiment.config["flow"], flow_options(experiment)
-    if flow["estimator"] != "files":
+    flow, found = experiment.config.flow, flow_options(experiment)
+    if flow.estimator != "files":
         return found
-    folder = flow["folder"].format(**{"split": "{split}"} | names)
+    folder = flow.folder.format(**{"split": "{split}"} | names)
     return found | {"method": "files", "flows": folder}
 
 
@@ -106,7 +106,7 @@ def testset(experiment, w):
     """The warped test set, made by the reference model for all methods."""
     scene = layout.Scene(w.scene)
     at = experiment.reference_folder(w.scene)
-    method = experiment.config["reference"]["method"]
+    method = experiment.config.reference.method
     names = {"scene": w.scene, "method": method, "split": "test"}
     command = words(
         "flow.align",
@@ -231,9 +231,9 @@ def evaluate(experiment, w):
     if w.moved:
         options["aligned_pose"] = inputs["renders"] = at.aligned_pose
     else:
-        lpips = experiment.config["lpips"]
-        own["weights"] = list(lpips.values())
-        options |= {f"lpips_{net}": path for net, path in lpips.items()}
+        lpips = experiment.config.lpips
+        own["weights"] = [path for _, path in lpips if path]
+        options |= {f"lpips_{net}": path for net, path in lpips}
         options["renders"] = inputs["renders"] = f"{at.renders}/test"
         options["testset"] = scene.testset
         inputs["testset"] = [scene.testset_flow, scene.testset_warped]

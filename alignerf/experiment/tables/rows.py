@@ -109,7 +109,7 @@ def scored(experiment, scene, method, round, aligned_pose):
     training = experiment.at(scene, method, round)
     files = {"scores": at.metrics} | costs_of(at)
     # Only a model of ours can be asked for a view by another camera.
-    if aligned_pose and experiment.config["aligned_pose"] and training.job.ours:
+    if aligned_pose and experiment.config.aligned_pose and training.job.ours:
         files["aligned_pose"] = at.metrics_aligned_pose
     corrected = [one.folder for one in trainings.moved_for(training)]
     if experiment.input_cameras(scene, method):
@@ -126,7 +126,7 @@ def scored(experiment, scene, method, round, aligned_pose):
         description=experiment.label(method),
         baseline=baseline,
         base=base,
-        published=experiment.methods[method]["published"],
+        published=experiment.methods[method].published,
         moves_cameras="cameras" in moved,
         moves_photos="photos" in moved,
     )

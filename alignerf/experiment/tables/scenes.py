@@ -41,13 +41,14 @@ def of_experiment(experiment, names=None):
 def of_scene(experiment, name):
     """The `Scene` of one scene."""
     scene = experiment.scenes[name]
-    reference = experiment.config["reference"]["method"]
+    reference = experiment.config.reference.method
+    usual = None if scene.budget_min else experiment.config.training.whole
     return Scene(
         scene=name,
-        seed=scene["seed"],
+        seed=scene.seed,
         alike=alike(scene),
-        perturb_px=scene["perturb_px"],
-        scene_steps=scene["steps"],
+        perturb_px=scene.perturb_px,
+        scene_steps=scene.steps or usual,
         share=experiment.share(name),
         reference=experiment.at(name, reference, 0).owner,
     )
@@ -55,9 +56,7 @@ def of_scene(experiment, name):
 
 def alike(scene):
     """A digest: the settings of a hundred scenes are too long for a command line."""
-    settings = json_files.canonical(
-        {key: scene[key] for key in scene if key not in LENGTH}
-    )
+    settings = json_files.canonical(scene.model_dump(exclude={*LENGTH}))
     return hashlib.sha256(settings.encode()).hexdigest()[:16]
 
 
@@ -68,7 +67,7 @@ def compared(experiment, names=None):
     the other way round.
     """
     found = of_experiment(experiment, names)
-    key = "steps" if experiment.config["training"]["steps"] else "budget_min"
+    key = "budget_min" if experiment.config.training.budget_min else "steps"
     for scene in found:
         if scene.share is None:
             where = f"config: scenes.{scene.scene}"
@@ -88,7 +87,7 @@ def in_arm(experiment, scene):
 
     The paper's NeRF has the true poses. BARF, which learns poses, has perturbed ones.
     """
-    wrong = experiment.scenes[scene]["perturb_px"] > 0
+    wrong = experiment.scenes[scene].perturb_px > 0
     return [
         (name, 0)
         for name in experiment.methods
@@ -205,7 +204,7 @@ def across(experiments, narrowed=types.MappingProxyType({})):
     """All tables across scenes of `plan.Experiments`; narrowed: {table: its scenes}."""
     found = {}
     for name, experiment in experiments.by_name.items():
-        number = experiment.config["published_table"]
+        number = experiment.config.published_table
         kinds = {kind: kind for kind in KINDS.get(name, ())}
         if number:
             kinds[name or f"table{number}"] = "comparison"

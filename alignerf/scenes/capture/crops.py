@@ -258,7 +258,7 @@ def placed(views, config, like):
         there = prepared.read_poses(like, {"crop": prepared.CROP})["crop"]
         return views, np.array(there["points"]), there["px"]
     views = with_focus(views)
-    least = config["min_train_views"] + 1
+    least = config.min_train_views + 1
     size = base.of(config).size(config)
     return views, *places(views, *size, least=least)
 

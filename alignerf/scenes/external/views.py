@@ -14,7 +14,6 @@ from typing import NamedTuple
 import cv2
 import numpy as np
 
-from alignerf.captures import base
 from alignerf.io import faults, images, json_files
 from alignerf.scenes import loading, photo_names, photos, prepare, prepared
 from alignerf.scenes.external import depths, geometry, layouts, lenses, renders
@@ -56,12 +55,11 @@ class ExternalRenders(NamedTuple):
 
 def find(config) -> ExternalRenders:
     """The pairs of a scene's keys. Raises ValueError in one line."""
-    judged = base.section(config, "external_renders")
-    cameras = taken(config["path"], judged["cameras"], judged["renders"])
+    judged, every = config.external_renders, config.test_every
+    cameras = taken(config.path, judged.cameras, judged.renders)
     of_views = {shot.name: shot for shot in cameras.shots}
     paths = {name: shot.photo for name, shot in of_views.items()}
-    every = config.get("test_every")
-    found = renders.find(judged["renders"], paths, cameras.splits, every)
+    found = renders.find(judged.renders, paths, cameras.splits, every)
     if every:
         splits = layouts.every_nth(layouts.in_order(paths), every)
         each = found.renders.items()
@@ -166,8 +164,8 @@ def pair_of(shot, render, size, kind) -> Pair:
 def files_of(judged: ExternalRenders, keys):
     """Paths of all that pairs are read from; keys: those of `external_renders`."""
     found = [path for pair in judged.pairs for path in (pair.photo, pair.render.path)]
-    found += lenses.files_of(keys.get("cameras"))
-    if depth := keys.get("depth"):
+    found += lenses.files_of(keys.cameras)
+    if depth := keys.depth:
         found += depths.find(depth, [pair.name for pair in judged.pairs]).values()
     return found
 
@@ -241,17 +239,17 @@ def shown_of(judged: ExternalRenders, background):
 def load(config, scratch):
     """Its reader: (views at the renders' size, report, no truth)."""
     judged = find(config)
-    shown, way, apart_px = shown_of(judged, config["background"])
+    shown, way, apart_px = shown_of(judged, config.background)
     log.info("%d pairs, renders %s", len(judged.pairs), judged.told["layout"])
     log.info("renders show photos %s", geometry.WAYS[way])
-    views = posed(judged, shown, config["background"])
-    keys = base.section(config, "external_renders")
-    prepared.check_views(keys["cameras"] or config["path"], views)
+    views = posed(judged, shown, config.background)
+    keys = config.external_renders
+    prepared.check_views(keys.cameras or config.path, views)
     told = judged.told | {"way": way, "apart_px": apart_px}
-    told |= {"background": config["background"]}
+    told |= {"background": config.background}
     renders_of = [pair.render.path for pair in judged.pairs]
     told["transparent"] = any(map(photos.may_be_transparent, renders_of))
-    told["of_splat"] = Path(keys["renders"]).with_name(splats.TOLD).is_file()
+    told["of_splat"] = Path(keys.renders).with_name(splats.TOLD).is_file()
     told |= of_depth(config, judged, views)
     beside = scratch / prepared.BESIDE
     beside.mkdir()
@@ -297,11 +295,11 @@ def at_full_size(config):
     The way is the one that `load` has found, by the same pairs.
     """
     judged = find(config)
-    shown, *_ = shown_of(judged, config["background"])
+    shown, *_ = shown_of(judged, config.background)
     sizes = list(map(geometry.photos_size, shown.values()))
     size = prepare.usual_size(sizes)
     large = {name: geometry.at_size(one, size) for name, one in shown.items()}
-    views = posed(judged._replace(size=size), large, config["background"])
+    views = posed(judged._replace(size=size), large, config.background)
     masks = None
     if not all(one.inside().all() for one in shown.values()):
         # Beyond the photo its border is repeated, which is nothing to learn from.
@@ -358,7 +356,7 @@ def read_pairs(scene):
 
 def of_depth(config, judged: ExternalRenders, views):
     """What is told of depth: where it comes from, and the files."""
-    if folder := base.section(config, "external_renders")["depth"]:
+    if folder := config.external_renders.depth:
         paths = depths.find(folder, views.names)
         if missing := [name for name in views.names if name not in paths]:
             log.warning(

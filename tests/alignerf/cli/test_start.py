@@ -101,7 +101,7 @@ def test_a_name_that_is_offered_is_taken_and_read_back(here, name):
     fill(here, f"{name}/a.jpg")
     offered = folders.name_of(here / name)
     start.main([name, "--only-config"])
-    assert next(iter(config_at(here / f"results/{offered}.yaml")["scenes"])) == offered
+    assert next(iter(config_at(here / f"results/{offered}.yaml").scenes)) == offered
 
 
 @pytest.fixture
@@ -118,13 +118,13 @@ def test_the_config_is_one_that_can_be_run(here, capsys):
     fill(here, "my\nph\x01otos/a.jpg")
     start.main(["my\nph\x01otos", "--only-config", "--background", "white"])
     config = config_at(here / "results/my_ph_otos.yaml")
-    assert config["decide"]
+    assert config.decide
     # Plain, and with cameras corrected; rounds and AligNeRF where a user asks for them.
-    methods = config["methods"]
-    found = [(m["rounds"], m["auto"]) for m in methods.values()]
+    methods = config.methods
+    found = [(m.rounds, m.auto) for m in methods.values()]
     assert found == [(0, False), (0, True)]
-    assert not any(method["alignerf"] for method in methods.values())
-    assert config["scenes"]["my_ph_otos"]["background"] == "white"
+    assert not any(method.alignerf for method in methods.values())
+    assert config.scenes["my_ph_otos"].background == "white"
     assert "results/my_ph_otos/index.html" in capsys.readouterr().out
 
 
@@ -140,8 +140,8 @@ def test_what_was_forgotten_is_said_the_next_time(here):
     start.main(["p", "--only-config"])
     start.main(["p", "--only-config", "--background", "black", "--budget-min", "5"])
     config = config_at(here / "results/p.yaml")
-    assert config["scenes"]["p"]["background"] == "black"
-    assert config["training"]["budget_min"] == 5
+    assert config.scenes["p"].background == "black"
+    assert config.training.budget_min == 5
 
 
 def test_what_a_user_changed_stays_and_is_said(here, caplog):
@@ -161,7 +161,7 @@ def test_results_of_two_folders_of_one_name_are_not_mixed(here):
         start.main(["b/photos", "--only-config"])
     start.main(["b/photos", "--only-config", "--name", "other"])
     config = config_at(here / "results/other.yaml")
-    assert config["scenes"]["other"]["path"] == "b/photos"
+    assert config.scenes["other"].path == "b/photos"
 
 
 @pytest.mark.parametrize(

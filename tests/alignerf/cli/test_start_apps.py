@@ -106,10 +106,10 @@ def test_a_phones_poses_and_colmaps_are_two_scenes(here, source, capsys):
     scene = {"source": source, "path": "scan"}
     wanted = {"desk": scene, "desk_colmap": scene | {"poses": "colmap"}}
     assert written["scenes"] == wanted
-    found = check.checked(written)["scenes"]
-    assert [found[name]["poses"] for name in wanted] == ["adjusted", "colmap"]
+    found = check.checked(written).scenes
+    assert [found[name].poses for name in wanted] == ["adjusted", "colmap"]
     # Windows have the poses of the scene that they are of.
-    assert found["desk_colmap_crops"]["poses"] == "colmap"
+    assert found["desk_colmap_crops"].poses == "colmap"
     said = capsys.readouterr().out
     assert "For the phone's alone, delete desk_colmap under scenes in" in said
     assert "delete desk_colmap under scenes in results/desk.yaml" in said

@@ -108,7 +108,7 @@ def made(config, results):
     (scene,) = yaml.safe_load(config.read_text())["scenes"].values()
     scene = of_scenes.checked(scene)
     found = views.find(scene)
-    originals.write(results, views.files_of(found, scene["external_renders"]))
+    originals.write(results, views.files_of(found, scene.external_renders))
     return scene
 
 

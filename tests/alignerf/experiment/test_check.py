@@ -153,6 +153,7 @@ def edit(config, where, value):
         ),
         ("methods.comparison", {"model": "base", "rounds": 0}, "comparison: a folder"),
         ("training.budget_min", 2, "training.budget_min: not beside steps, choose one"),
+        ("scenes.mine", {"source": "photos", "path": ""}, "mine.path: '' should match"),
         (
             "scenes.mine",
             {"source": "courtyard", "steps": 5, "budget_min": 2},
@@ -169,7 +170,6 @@ def edit(config, where, value):
             {"budget_min": "2 min"},
             "budget_min: '2 min' should be a valid number",
         ),
-        ("training", {"steps": None}, "training.steps: null is only for a budget_min"),
         ("scenes.courtyard.budget_min", -1, "courtyard.budget_min: -1 should be"),
     ],
 )
@@ -223,7 +223,7 @@ TEMPLATE = "{scene}/{method}/{round}/{split}"
 )
 def test_the_folder_of_flows_knows_four_names(demo, folder):
     demo["flow"] = {"estimator": "files", "folder": TEMPLATE}
-    assert check.checked(demo)["flow"]["folder"] == TEMPLATE
+    assert check.checked(demo).flow.folder == TEMPLATE
     demo["flow"]["folder"] = folder
     with pytest.raises(ValueError, match=r"config: flow\.folder: .*in braces only"):
         check.checked(demo)
@@ -334,11 +334,11 @@ def test_a_config_is_a_mapping(config):
 def test_configs_share_no_values():
     config = {"scenes": COURTYARD, "models": {"m": {}}}
     first = check.checked(config)
-    first["models"]["m"]["samples"].append(7)
-    first["training"]["adam_betas"].append(7)
+    first.models["m"].samples.append(7)
+    first.training.adam_betas.append(7)
     again = check.checked(config)
-    assert again["models"]["m"]["samples"] == [32, 16, 12]
-    assert again["training"]["adam_betas"] == [0.9, 0.99]
+    assert again.models["m"].samples == [32, 16, 12]
+    assert again.training.adam_betas == [0.9, 0.99]
 
 
 @pytest.mark.parametrize(
@@ -391,7 +391,7 @@ def test_a_path_that_snakemake_would_read_otherwise_is_named(
     place.mkdir()
     own = {"source": "photos", "path": str(tmp_path)}
     if key == "renders":
-        demo["methods"]["theirs"] = {"renders": str(place)}
+        demo["methods"]["theirs"] = {"external": {"renders": str(place)}}
     else:
         own[key] = str(place)
     demo["scenes"] = {"a": own}
@@ -474,4 +474,4 @@ def test_weights_that_are_not_there_are_told_once_and_left_out(
 
 def test_a_users_own_names_may_be_of_an_earlier_version(demo):
     demo["methods"] |= {"refine": {"model": "base"}, "windows": {"model": "base"}}
-    assert {"refine", "windows"} < check.checked(demo)["methods"].keys()
+    assert {"refine", "windows"} < check.checked(demo).methods.keys()

@@ -30,14 +30,14 @@ def decided(**changes):
 
 def test_every_key_that_a_config_can_leave_open_has_a_rule():
     names = {key.rpartition(".")[2] for key in decided()}
-    assert names == {*mipnerf360.OPEN_OF_MODEL, *training_keys.OPEN_OF_TRAINING}
+    assert names == {*rules.OPEN}
 
 
 @pytest.mark.parametrize("nearest", [1e-3, 0.5, 14.0])
 def test_samples_begin_before_the_nearest_point(nearest):
     found = decided(nearest=nearest)["model.near"]
     assert found.value == pytest.approx(rules.NEAR_FRACTION * nearest, rel=1e-2)
-    assert found.default == mipnerf360.Model().near
+    assert found.default == mipnerf360.USUAL["near"]
     assert found.facts == {"nearest": nearest}
 
 

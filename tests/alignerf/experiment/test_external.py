@@ -90,7 +90,7 @@ def test_what_was_learnt_from_is_exported(alone):
 def test_ours_stays_the_reference(experiment_of):
     methods = {"plain": {"rounds": 1}, "theirs": one(1)}
     experiment = experiment_of(config_of(methods))
-    assert experiment.config["reference"]["method"] == "plain"
+    assert experiment.config.reference.method == "plain"
     job = {"training": "theirs/round1"}
     found = cases.inputs("train", experiment, "yard", **job)
     assert found["photos"] == "results/yard/theirs/round0/warped"

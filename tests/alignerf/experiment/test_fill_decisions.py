@@ -4,7 +4,7 @@ import json
 
 import pytest
 
-from alignerf.experiment import check, decisions, plan
+from alignerf.experiment import check, decisions, plan, trainings
 from alignerf.systems import mipnerf360, nerf
 
 DECISIONS = [
@@ -46,7 +46,7 @@ def test_all_that_the_config_leaves_out_is_decided(folder):
     job = decisions.read_job(job_of({"decide": True}))
     assert (job.model.near, job.model.field.max_resolution) == (3.0, 512)
     assert (job.steps, job.warmup_steps, job.model.radius) == (6000, 600, 4.0)
-    assert (job.decisions, job.model.decided, job.training.decided) == (None, [], [])
+    assert (job.decisions, job.scaled) == (None, False)
 
 
 def test_what_the_config_says_stays(folder):
@@ -129,11 +129,9 @@ def test_a_missing_file_or_decision_is_named(folder):
 
 def test_a_complete_config_decides_the_same_again():
     config = check.checked({"decide": True, "scenes": SCENE})
-    model, training = config["models"]["base"], config["training"]
-    assert model["decided"] == list(mipnerf360.OPEN_OF_MODEL)
-    again = check.checked(json.loads(json.dumps(config)))
-    assert again["models"]["base"] == model
-    assert again["training"] == training
+    assert config.models["base"].open == [*mipnerf360.USUAL]
+    assert config.training.steps is None
+    assert check.checked(json.loads(json.dumps(config.model_dump()))) == config
 
 
 def test_photos_are_made_as_small_as_their_number_asks(tmp_path):
@@ -142,8 +140,8 @@ def test_photos_are_made_as_small_as_their_number_asks(tmp_path):
         "given": {"source": "photos", "path": str(tmp_path), "downscale": 3},
         "open": {"source": "photos", "path": str(tmp_path)},
     }
-    found = check.checked({"decide": True, "scenes": scenes})["scenes"]
-    assert [scene["downscale"] for scene in found.values()] == [1, 3, "auto"]
+    found = check.checked({"decide": True, "scenes": scenes}).scenes
+    assert [scene.downscale for scene in found.values()] == [1, 3, "auto"]
 
 
 EDITS = {
@@ -170,26 +168,17 @@ EDITS = {
     ],
 )
 def test_what_is_changed_in_a_complete_config_is_said(edit, left):
-    config = check.checked({"decide": True, "scenes": SCENE})
+    config = check.checked({"decide": True, "scenes": SCENE}).model_dump()
     EDITS[edit](config)
     found = check.checked(config)
-    open_keys = found["models"]["base"]["decided"] + found["training"]["decided"]
-    assert open_keys == left
-
-
-def test_decided_keys_need_decide():
-    config = {
-        "models": {"m": {"decided": ["near"]}},
-        "training": {"decided": ["steps"]},
-    }
-    found = check.checked({"scenes": SCENE} | config)
-    assert found["models"]["m"]["decided"] == found["training"]["decided"] == []
+    steps = ["steps"] * trainings.is_open(found.training)
+    assert found.models["base"].open + steps == left
 
 
 def test_a_field_of_points_has_neither_cells_nor_contraction():
     model = {"field": {"kind": "nerf"}, "far": 10}
     config = {"decide": True, "models": {"m": model}, "scenes": SCENE}
-    assert check.checked(config)["models"]["m"]["decided"] == ["near"]
+    assert check.checked(config).models["m"].open == ["near"]
 
 
 def test_near_stays_before_a_far_that_the_config_says(folder):

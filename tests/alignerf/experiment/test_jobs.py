@@ -66,20 +66,30 @@ def in_stage(job, stage):
 
 def test_a_job_is_what_was_written(job):
     parsed = jobs.parse(job)
-    found = jobs.as_dict(parsed)
+    found = parsed.model_dump()
     for field in ("proposal", "field"):
         given = job["model"].pop(field)
         assert found["model"].pop(field).items() >= given.items()
     assert found["training"].pop("budget_min") is None
-    own = {"kind": "mipnerf360", "training": {}, "decided": [], "radius": 1.0}
-    assert found["training"].pop("decided") == []
+    own = {"kind": "mipnerf360", "training": {}, "radius": 1.0}
     assert found["training"].pop("kernels") == "auto"
-    assert found.pop("decisions") is None
+    assert (found.pop("decisions"), found.pop("scaled")) == (None, False)
     own["background"] = None
     assert found.pop("model") == job.pop("model") | own
     assert found == job
-    assert jobs.parse(json.loads(json.dumps(jobs.as_dict(parsed)))) == parsed
+    assert jobs.parse(json.loads(json.dumps(parsed.model_dump()))) == parsed
     assert isinstance(parsed.training.interlevel_weight, float)
+
+
+def test_a_number_is_one_job_however_it_is_written(job):
+    again = copy.deepcopy(job)
+    for section in ("training", "alignerf"):
+        floats = {k: float(v) for k, v in job[section].items() if v in (0, 1)}
+        again[section] |= {k: v for k, v in floats.items() if k != "convolution"}
+    assert json.dumps(again) != json.dumps(job)
+    one, other = jobs.parse(job), jobs.parse(again)
+    assert one == other
+    assert (one.text, hash(one)) == (other.text, hash(other))
 
 
 def test_stages_share_the_steps_and_the_schedule(job):

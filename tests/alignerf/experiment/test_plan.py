@@ -312,9 +312,9 @@ def test_crops_are_scenes_beside_the_one_that_they_judge(demo, experiment_of):
     assert experiment.crops("courtyard") == names
     assert all(experiment.parent(name) == "courtyard" for name in names)
     given, put_right = (experiment.scenes[name] for name in names)
-    assert (given["downscale"], given["steps"]) == (1, 500)
-    assert given["crop"]["cameras"] is None
-    assert put_right["crop"]["cameras"] == "aligned"
+    assert (given.downscale, given.steps) == (1, 500)
+    assert given.crop.cameras is None
+    assert put_right.crop.cameras == "aligned"
     # Photos of crops have no truth of their own.
     assert not any(map(experiment.has_truth, names))
     found = cases.options("poses", experiment, names[0])

@@ -1,6 +1,7 @@
 """The schema of the settings: one home for defaults, every number bounded."""
 
 import copy
+import json
 import typing
 from typing import Literal
 
@@ -11,10 +12,9 @@ import yaml
 from alignerf import config as config_command
 from alignerf import fields
 from alignerf.captures import base
-from alignerf.experiment import check, schema
+from alignerf.experiment import check
 from alignerf.experiment.keys import config as config_keys
 from alignerf.experiment.keys import key
-from alignerf.experiment.keys import training as training_keys
 from alignerf.scenes.courtyard import scene as courtyard
 from alignerf.systems import mipnerf360
 from flow.estimation import estimate, external
@@ -52,6 +52,13 @@ def parts(kind):
     return known
 
 
+def plain(value):
+    """A default as the schema has it."""
+    if isinstance(value, dict):
+        return {name: plain(entry) for name, entry in value.items()}
+    return value.model_dump() if isinstance(value, key.Keys) else value
+
+
 def choices(entry):
     """What a key may be, null or not."""
     return [*entry.get("anyOf", [entry])[0]["enum"]]
@@ -68,16 +75,16 @@ def test_the_defaults_of_the_schema_are_those_of_the_classes(editors):
     assert classes.keys() == {"Config", *editors["$defs"]}
     for name, made in classes.items():
         said = (editors if name == "Config" else editors["$defs"][name])["properties"]
-        assert said.keys() == made.names().keys()
-        for word, field in made.names().items():
-            if made.model_fields[field].is_required():
+        assert said.keys() == made.model_fields.keys()
+        for word, field in made.model_fields.items():
+            if field.is_required():
                 continue
-            default = schema.as_config(made.default(field))
+            default = plain(made.default(word))
             if "default" in said[word]:
                 assert said[word]["default"] == default, (name, word)
                 compared += 1
             elif default is not None:
-                whole = made.default(field)
+                whole = made.default(word)
                 assert whole == type(whole)(), (name, word)
     assert compared > 100
 
@@ -155,8 +162,10 @@ def test_fields_have_the_defaults_of_their_classes():
             for name, field in module.__dataclass_fields__.items()
             if name not in not_of_the_config
         }
-        found = schema.as_config(made())
+        found = made().model_dump()
         assert found.pop("kind") == kind
+        if kind == "grid":
+            found["max_resolution"] = mipnerf360.OF_PROPOSAL
         found = {k: tuple(v) if isinstance(v, list) else v for k, v in found.items()}
         assert found == wanted
 
@@ -180,19 +189,18 @@ def test_three_words_are_a_complete_config(tmp_path, monkeypatch):
     (tmp_path / "my_photos").mkdir()
     text = "scenes: {my_photos: {source: photos, path: my_photos}}"
     found = check.checked(yaml.safe_load(text))
-    assert found["methods"]["mipnerf360"]["rounds"] == 2
-    assert found["methods"]["alignerf"]["alignerf"]["features"] == 16
-    assert found["reference"] == {"method": "mipnerf360", "round": "last"}
-    scene = found["scenes"]["my_photos"]
-    assert (scene["poses"], scene["seed"], scene["steps"]) == ("colmap", 0, 4000)
-    training = found["training"]
-    assert (training["budget_min"], training["warmup_steps"]) == (None, None)
-    assert training_keys.warmup(training) == {"warmup_steps": 400}
+    assert found.methods["mipnerf360"].rounds == 2
+    assert found.methods["alignerf"].alignerf.features == 16
+    assert (found.reference.method, found.reference.round) == ("mipnerf360", "last")
+    scene, training = found.scenes["my_photos"], found.training
+    assert (scene.poses, scene.seed, scene.steps) == ("colmap", 0, 4000)
+    assert (training.budget_min, training.warmup_steps) == (None, None)
+    assert training.warmup(training.steps) == 400
 
 
 def test_a_complete_config_means_itself(demo):
     found = check.checked(copy.deepcopy(demo))
-    again = check.checked(copy.deepcopy(found))
+    again = check.checked(json.loads(json.dumps(found.model_dump())))
     assert again == found
 
 
@@ -202,19 +210,16 @@ def test_keys_without_a_kind_change_the_default_field():
         "smaller": {"field": {"log2_hashmap_size": 9}},
         "whole": {"field": {"kind": "grid", "log2_hashmap_size": 9}},
         "other": {"field": {"kind": "mlp", "width": 8}},
+        "own": {"proposal": {"kind": "grid"}},
     }
     config = {"scenes": {"a": {"source": "courtyard"}}, "models": fields_of}
-    models = check.checked(config | {"methods": {"m": {}}})["models"]
-    assert models["same"]["field"]["max_resolution"] == 2048
-    assert models["smaller"]["field"] == models["same"]["field"] | {
-        "log2_hashmap_size": 9
-    }
-    assert (
-        models["whole"]["field"]["max_resolution"]
-        == mipnerf360.Grid().max_resolution
-        == 1024
-    )
-    assert models["other"]["field"]["depth"] == mipnerf360.Mlp().depth
+    models = check.checked(config | {"methods": {"m": {}}}).models
+    same = models["same"].field
+    assert (same.max_resolution, models["same"].proposal.max_resolution) == (2048, 256)
+    smaller = same.model_copy(update={"log2_hashmap_size": 9})
+    assert models["smaller"].field == models["whole"].field == smaller
+    assert models["other"].field.depth == mipnerf360.Mlp().depth
+    assert models["own"].proposal.max_resolution == 1024
 
 
 def test_home_is_found(tmp_path, monkeypatch):
@@ -227,9 +232,9 @@ def test_home_is_found(tmp_path, monkeypatch):
         "lpips": {"vgg": "~/vgg.npz", "alex": None},
     }
     found = check.checked(config)
-    assert found["scenes"]["a"]["path"] == str(tmp_path / "photos")
-    assert found["frequency_weights"] == str(tmp_path / "vgg.npz")
-    assert found["lpips"] == {"vgg": str(tmp_path / "vgg.npz")}
+    assert found.scenes["a"].path == str(tmp_path / "photos")
+    assert found.frequency_weights == found.lpips.vgg == str(tmp_path / "vgg.npz")
+    assert found.lpips.alex is None
 
 
 def test_real_data_is_where_the_environment_says(tmp_path, monkeypatch):
@@ -240,7 +245,7 @@ def test_real_data_is_where_the_environment_says(tmp_path, monkeypatch):
     with pytest.raises(ValueError, match=r"fox\.path: real data/fox does not exist"):
         check.checked(copy.deepcopy(config))
     (tmp_path / "real data" / "fox").mkdir(parents=True)
-    found = check.checked(copy.deepcopy(config))["scenes"]["fox"]["path"]
+    found = check.checked(copy.deepcopy(config)).scenes["fox"].path
     assert found == "real data/fox"
     monkeypatch.setenv("ALIGNERF_DATA", str(tmp_path / "elsewhere"))
     with pytest.raises(ValueError, match="elsewhere/fox does not exist"):

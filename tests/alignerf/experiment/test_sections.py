@@ -13,7 +13,7 @@ from alignerf.experiment import sources
 JOB = {"model", "training"}
 # No sections: what several of them have in common.
 SHARED = {"__init__", "estimators", "key"}
-EVERY = JOB | {"config", "flow", "left", "scene"}
+EVERY = JOB | {"config", "flow", "scene"}
 # {stage: sections}; of a stage that is not here, none.
 REACHED = {
     # A training takes what facts decided, and these are told by the scene's keys too.

@@ -38,17 +38,17 @@ def test_what_the_paper_prints_has_rows_of_ours(shipped_in, small):
     assert ("" in by_name) == ("tradeoff" in by_name) == small
     for number, table in enumerate(shipped.TABLES, start=1):
         experiment = by_name[table]
-        assert experiment.config["published_table"] == number
-        called = {one["published"] for one in experiment.methods.values()}
+        assert experiment.config.published_table == number
+        called = {one.published for one in experiment.methods.values()}
         names = [row["method"] for row in printed() if row["table"] == str(number)]
         assert called - {None} <= {*names}
         # Where photos are the paper's, so is what it prints for each.
         for scene in experiment.scenes.values():
-            if name := scene["published"]:
+            if name := scene.published:
                 assert name in {row["scene"] for row in printed()}
     # Rows that are another program's alone.
     left = {"Deep Blending", "Point-Based Neural Rendering", "Stable View Synthesis"}
-    every = {one["published"] for one in methods_of(by_name)}
+    every = {one.published for one in methods_of(by_name)}
     if not small:
         assert {row["method"] for row in printed()} - every == left
 
@@ -72,7 +72,7 @@ def test_at_full_size_a_scenes_tables_show_what_is_printed_for_it(
     # Of mip-NeRF 360's own table, and of this one.
     assert len(lines) == 1 + count
     assert {line["method"].partition(", published")[0] for line in lines} >= {
-        one["published"] for one in experiment.methods.values() if one["published"]
+        one.published for one in experiment.methods.values() if one.published
     }
 
 

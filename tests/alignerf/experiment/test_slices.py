@@ -29,13 +29,13 @@ def test_configs_that_share_results_agree_on_them(root):
         )
         for name in ("table4", "evidence/choices")
     )
-    scene = ablation["scenes"]["ablation"] | {"seed": 1}
-    assert choices["scenes"] == {"choices": scene}
-    assert choices["models"]["base"] == ablation["models"]["base"]
-    assert choices["training"] == ablation["training"]
-    chosen = choices["methods"]["features_16"]
-    assert chosen | {"published": "+ alignment"} == ablation["methods"]["alignment"]
-    assert 1 not in {scene["seed"] for scene in ablation["scenes"].values()}
+    scene = ablation.scenes["ablation"].model_copy(update={"seed": 1})
+    assert choices.scenes == {"choices": scene}
+    assert choices.models["base"] == ablation.models["base"]
+    assert choices.training == ablation.training
+    chosen, named = choices.methods["features_16"], {"published": "+ alignment"}
+    assert chosen.model_copy(update=named) == ablation.methods["alignment"]
+    assert 1 not in {scene.seed for scene in ablation.scenes.values()}
 
 
 def test_adjusted_cameras_have_a_pretraining_of_their_own(demo, experiment_of):
@@ -142,7 +142,7 @@ def test_minutes_of_a_scene_replace_the_steps_of_the_config(demo, experiment_of)
     found = jobs.parse(job_of(experiment, "courtyard", "mipnerf360")).training
     # A tenth of steps that are not known yet.
     assert (found.steps, found.budget_min, found.warmup_steps) == (None, 3.0, None)
-    assert scenes.of_experiment(experiment)[0].steps is None
+    assert scenes.of_experiment(experiment)[0].scene_steps is None
 
 
 def test_a_scene_depends_on_its_own_source_only(demo, tmp_path, experiment_of):

@@ -28,13 +28,13 @@ def test_a_system_needs_its_kind_alone(demo, experiment_of, kind):
     assert parsed.model.kind == kind
     assert tuple(parsed.training.learning_rates) == systems.every()[kind].RATES
     # A pinned training says what the slice says.
-    assert jobs.parse(jobs.as_dict(parsed)) == parsed
+    assert jobs.parse(parsed.model_dump()) == parsed
     assert methods.label(experiment, "other").startswith(kind)
 
 
 def test_without_a_kind_a_model_is_a_mipnerf360():
     found = check.checked({"scenes": {"a": {"source": "courtyard"}}})
-    assert found["models"]["base"]["kind"] == "mipnerf360"
+    assert found.models["base"].kind == "mipnerf360"
 
 
 def test_a_model_changes_its_own_trainings(demo, experiment_of):

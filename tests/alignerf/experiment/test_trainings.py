@@ -33,7 +33,7 @@ def folders(found):
 def test_every_method_makes_trainings_whose_jobs_are_right(experiment):
     for name, method in experiment.methods.items():
         rounds = experiment.rounds_of("courtyard", name)
-        assert len(rounds) == method["rounds"] + 1
+        assert len(rounds) == method.rounds + 1
         for training in rounds:
             assert jobs.parse(training.job.model_dump()) is not training.job
     stages = {m: experiment.at("courtyard", m, 0).job.stage for m in METHODS}
@@ -102,15 +102,12 @@ def test_equal_jobs_of_other_photos_are_not_shared(experiment):
 
 def test_the_way_to_a_training_is_in_its_order(experiment):
     def way(method, round):
-        training = experiment.at("courtyard", method, round)
-        return [folders(of(training)) for of in (trainings.lead_to, trainings.needs)]
+        return folders(trainings.lead_to(experiment.at("courtyard", method, round)))
 
-    rounds = ["plain/round0", "plain/round1", "plain/round2"]
-    assert way("plain", 2) == [rounds, rounds]
-    assert way("aligned", 0) == [["aligned/round0"]] * 2
-    own = ["pretrain/base", "between/round0"]
-    assert way("between", 0) == [own, own]
-    assert way("staged", 0) == [["pretrain/base", "staged/round0"]] * 2
+    assert way("plain", 2) == ["plain/round0", "plain/round1", "plain/round2"]
+    assert way("aligned", 0) == ["aligned/round0"]
+    assert way("between", 0) == ["pretrain/base", "between/round0"]
+    assert way("staged", 0) == ["pretrain/base", "staged/round0"]
 
 
 def test_none_of_a_scenes_trainings_stands_before_what_it_needs(experiment):
@@ -119,7 +116,7 @@ def test_none_of_a_scenes_trainings_stands_before_what_it_needs(experiment):
         assert training.folder == folder
         assert experiment.training("courtyard", folder) is training
         known.append(training)
-        assert {*trainings.needs(training)} <= {*known}
+        assert {*trainings.lead_to(training)} <= {*known}
     assert {"pretrain/base", "plain/round2"} <= {*folders(known)}
 
 

@@ -11,10 +11,10 @@ def test_every_scene_with_every_seed_and_length(demo):
     demo["scenes"]["timed"] = {"source": "courtyard", "budget_min": 3}
     demo["vary"] = {"seeds": [4, 7], "lengths": [0.25, 1]}
     config = check.checked(copy.deepcopy(demo))
-    steps = config["training"]["steps"]
+    steps = config.training.steps
     found = {
-        name: (scene["seed"], scene["steps"], scene["budget_min"])
-        for name, scene in config["scenes"].items()
+        name: (scene.seed, scene.steps, scene.budget_min)
+        for name, scene in config.scenes.items()
     }
     assert found == {
         "courtyard": (4, steps, None),
@@ -28,8 +28,8 @@ def test_every_scene_with_every_seed_and_length(demo):
     }
     # Where another key means the first scene, it is the one as written.
     assert next(iter(found)) == "courtyard"
-    assert config["vary"] is None
-    again = check.checked(copy.deepcopy(config))
+    assert config.vary is None
+    again = check.checked(config.model_dump())
     assert again == config
 
 

@@ -171,4 +171,4 @@ def test_cameras_that_lose_stay(corner, monkeypatch):
     ],
 )
 def test_it_is_on_unless_a_key_turns_it_off(scene, again):
-    assert of_scenes.checked(scene)["adjust_again"] is again
+    assert of_scenes.checked(scene).adjust_again is again

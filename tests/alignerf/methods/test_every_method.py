@@ -66,7 +66,7 @@ def check_moves(experiment):
 def check_test_set(experiment):
     """Cameras that moved are scored by aligned poses, where these can be rendered."""
     table = {(r.method, r.round): r for r in rows.of_scene(experiment, "courtyard")}
-    for round in range(experiment.methods["its"]["rounds"] + 1):
+    for round in range(experiment.methods["its"].rounds + 1):
         moves = experiment.moves("its", round)
         if row := table.get(("its", round)):
             assert (row.moves_cameras, row.moves_photos) == tuple(

@@ -139,8 +139,8 @@ def results(tmp_path, rng):
     write_json(folder / "facts.json", {})
     decided = {"key": "model.near", "default": 0.2, "value": 0.4, "reason": "near"}
     write_json(folder / "decisions.json", {"decisions": [decided | {"facts": {}}]})
-    models, training = "{base: {decided: [near]}}", "{decided: []}"
-    text = f"models: {models}\ntraining: {training}\n"
+    training = "{steps: 9, budget_min: null}"
+    text = f"models: {{base: {{near: null}}}}\ntraining: {training}\n"
     (folder / "config.yaml").write_text(text)
     write_tables(folder / "tables")
     return folder

@@ -63,7 +63,7 @@ def test_a_decision_that_the_config_leaves_open_is_taken(results):
     assert taken
     assert [row["taken"] for row in rows] == [True]
     (results / "config.yaml").write_text(
-        "models: {base: {decided: []}}\ntraining: {decided: []}\n"
+        "models: {base: {near: 0.4}}\ntraining: {steps: 9, budget_min: null}\n"
     )
     rows, taken = contents.decisions(results)
     assert not taken

@@ -20,8 +20,8 @@ COLOUR, ALPHA = np.array([200, 100, 0]), np.array([0, 64, 255])
 
 
 def read(folder, background):
-    scene = {"path": folder, "background": background}
-    return blender.CAPTURE.read_given(scene)
+    scene = {"source": "blender", "path": str(folder), "background": background}
+    return blender.CAPTURE.read_given(of_scenes.checked(scene))
 
 
 def write_photo(path):
@@ -132,7 +132,7 @@ def test_keys_that_act_on_nothing_are_refused(scene, key):
 def test_a_config_may_say_so(tmp_path):
     lego = {"source": "blender", "path": str(tmp_path), "background": "white"}
     config = {"scenes": {"lego": lego}}
-    assert check.checked(config)["scenes"]["lego"]["poses"] == "adjusted"
+    assert check.checked(config).scenes["lego"].poses == "adjusted"
 
 
 def test_frames_without_a_photo_are_named(scene):

@@ -11,6 +11,7 @@ from PIL import Image
 
 from alignerf.captures import base, typed
 from alignerf.cli import folders
+from alignerf.experiment.checks import scenes as of_scenes
 from alignerf.scenes.capture import ingest
 from alignerf.scenes.external import views as judged
 
@@ -85,8 +86,7 @@ def rotation(quaternion):
 def read(folder):
     """(source, views, left out) as the program finds them."""
     capture = base.detected(folder)
-    keys = dict.fromkeys(("background", "images", "masks"))
-    views, left_out = capture.read_given(keys | capture.scene(folder))
+    views, left_out = capture.read_given(of_scenes.checked(capture.scene(folder)))
     return capture.name, views, left_out
 
 

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from alignerf.captures import base as captures
+from alignerf.experiment.checks import scenes as of_scenes
 from alignerf.scenes import distortion
 from alignerf.scenes.external import lenses
 from alignerf.scenes.programs import metashape, reading
@@ -283,7 +284,7 @@ def test_a_folder_becomes_views(scene):
     app_cases.write_photo(folder / "images" / NAMES[1], size=(WIDTH // 2, HEIGHT // 2))
     record = captures.detected(folder)
     assert record.name == "exported"
-    scene = record.scene(folder) | {"masks": None}
+    scene = of_scenes.checked(record.scene(folder))
     views, left_out = record.read_given(scene)
     assert sorted(views.names) == ["IMG_2", "IMG_3", "IMG_4"]
     assert left_out == ["IMG 1", "odd"]

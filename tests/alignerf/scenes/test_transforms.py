@@ -239,7 +239,7 @@ def test_a_number_chooses_among_the_folders_of_photos(scene):
     with pytest.raises(ValueError, match=r"images_4: no photo images/a\.png"):
         transforms.read(folder, images=4)
     config = {"source": "transforms", "path": str(folder), "images": 2}
-    assert of_scenes.checked(config)["images"] == 2
+    assert of_scenes.checked(config).images == 2
     with pytest.raises(ValueError, match="images"):
         of_scenes.checked(config | {"source": "polycam"})
 

@@ -9,6 +9,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from alignerf.captures import mipnerf360, transforms
+from alignerf.experiment.checks import scenes as of_scenes
 from alignerf.io import images
 from alignerf.scenes import cameras, distortion
 from alignerf.scenes.formats import shots
@@ -102,8 +103,8 @@ def write_model(folder, model):
 
 
 def read(folder, capture=mipnerf360):
-    scene = dict.fromkeys(("background", "images", "masks")) | {"path": folder}
-    views, _ = capture.CAPTURE.read_given(scene)
+    scene = {"source": capture.CAPTURE.name, "path": str(folder)}
+    views, _ = capture.CAPTURE.read_given(of_scenes.checked(scene))
     assert len(views.names) == COUNT
     return views.photos[0].path.parent.name, np.linalg.inv(views.pixtocams[0])
 

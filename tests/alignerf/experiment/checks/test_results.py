@@ -4,7 +4,9 @@ import os
 
 import pytest
 
+from alignerf.experiment import schema
 from alignerf.experiment.checks import results
+from alignerf.experiment.keys import config as config_keys
 from alignerf.io import owned
 
 NAMES = ({"yard": {}}, {"base": {}})
@@ -12,7 +14,13 @@ NAMES = ({"yard": {}}, {"base": {}})
 
 def judged(**paths):
     """Keys of a scene with paths of renders that are judged."""
+    paths = {"renders": "photos"} | paths
     return {"source": "external_renders", "external_renders": paths}
+
+
+def check_apart(config):
+    """The same of a config as it is written."""
+    results.check_apart(schema.check(config_keys.Config, config))
 
 
 @pytest.fixture
@@ -97,9 +105,15 @@ KEYS = {
     "external_renders.before": lambda c, p: c["scenes"]["yard"].update(
         judged(before=p)
     ),
-    "methods.base.renders": lambda c, p: c["methods"]["base"].update(renders=p),
-    "external.depth": lambda c, p: c["methods"]["base"].update(external={"depth": p}),
-    "flow.folder": lambda c, p: c["flow"].update(folder=f"{p}/{{split}}"),
+    "external.renders": lambda c, p: c["methods"]["base"].update(
+        external={"renders": p}
+    ),
+    "external.depth": lambda c, p: c["methods"]["base"].update(
+        external={"renders": "photos", "depth": p}
+    ),
+    "flow.folder": lambda c, p: c["flow"].update(
+        estimator="files", folder=f"{os.path.abspath(p)}/{{split}}"
+    ),
     "lpips.vgg": lambda c, p: c["lpips"].update(vgg=p),
     "frequency_weights": lambda c, p: c.update(frequency_weights=p),
 }
@@ -107,11 +121,10 @@ KEYS = {
 
 def config_of():
     return {
-        "scenes": {"yard": {"source": "photos", "path": None, "masks": None}},
-        "methods": {"base": {"renders": None, "external": None}},
-        "flow": {"folder": None},
+        "scenes": {"yard": {"source": "photos", "path": "photos"}},
+        "methods": {"base": {}},
+        "flow": {},
         "lpips": {},
-        "frequency_weights": None,
     }
 
 
@@ -125,10 +138,10 @@ def test_no_input_lies_in_or_above_what_is_written(here, key, where):
     for allowed in ("photos", "results/no", "results/new", None):
         if allowed:
             KEYS[key](config, allowed)
-        results.check_apart(config)
+        check_apart(config)
     KEYS[key](config, INSIDE[where])
     with pytest.raises(ValueError, match=f"{key}.* (lies in|holds) results/.*this run"):
-        results.check_apart(config)
+        check_apart(config)
 
 
 def test_results_that_are_elsewhere(here):
@@ -138,11 +151,11 @@ def test_results_that_are_elsewhere(here):
     config = config_of()
     config["scenes"]["yard"]["path"] = "disk/yard/photos"
     with pytest.raises(ValueError, match="disk/yard/photos lies in results/yard"):
-        results.check_apart(config)
+        check_apart(config)
 
 
 def test_a_loop_of_links_leads_nowhere(here):
     (here / "loop").symlink_to("loop")
     config = config_of()
     config["scenes"]["yard"]["path"] = "loop"
-    results.check_apart(config)
+    check_apart(config)

@@ -7,6 +7,7 @@ import pytest
 
 from alignerf import poses
 from alignerf.captures import base, polycam
+from alignerf.experiment.checks import scenes as of_scenes
 from alignerf.scenes import cameras, colmap, prepared
 from alignerf.scenes.formats import shots
 from tests import app_cases as cases
@@ -24,7 +25,9 @@ NAMES = {
 
 def read(app, folder):
     """(views, names of photos left out) by an app's own poses."""
-    return base.every()[app].read_given({"path": folder})
+    return base.every()[app].read_given(
+        of_scenes.checked({"source": app, "path": str(folder)})
+    )
 
 
 @pytest.fixture
@@ -309,7 +312,7 @@ def test_photos_of_a_prepared_scene_are_found_once_more(tmp_path, given, app):
         camera_of=np.zeros(3, int),
     )
     config = {"source": app, "path": str(tmp_path / "in"), "poses": "colmap"}
-    config |= {"background": None, "masks": None}
+    config = of_scenes.checked(config)
     views = base.of(config).at_full_size(config, tmp_path / "scene", tmp_path / "work")
     assert views.names == NAMES[app]
     assert abs(int(views.photos[2].read().mean()) - 20) <= 2

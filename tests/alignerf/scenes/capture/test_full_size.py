@@ -24,7 +24,7 @@ def same(config, out, work):
     config = of_scenes.checked(config)
     poses.main(config, out)
     views = loading.read(config, out, work)
-    small = prepare.downscale(views, config["downscale"])
+    small = prepare.downscale(views, config.downscale)
     arrays = prepared.read_cameras(out / "cameras.npz")
     assert views.names == arrays["names"].tolist()
     assert views.split.tolist() == arrays["split"].tolist()

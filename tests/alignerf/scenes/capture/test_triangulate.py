@@ -7,6 +7,7 @@ import pytest
 
 from alignerf import facts, poses
 from alignerf.captures import base
+from alignerf.experiment.checks import scenes as of_scenes
 from alignerf.exports import formats
 from alignerf.io import images
 from alignerf.scenes import cameras, prepared
@@ -139,11 +140,11 @@ def test_points_can_be_left_out_and_may_be_missing(scene, tmp_path, caplog):
     ],
 )
 def test_points_are_found_where_they_are_missing(has, asked, wanted):
-    scene = {"source": "courtyard", "poses": has, "triangulate": asked, "crop": None}
-    scene["external_renders"] = None
-    assert base.of(scene).wants_matches(scene) is wanted
+    source = "transforms" if has == "input" else "courtyard"
+    scene = {"source": source, "path": "p", "poses": has, "triangulate": asked}
     # Crops have them from the whole photos.
-    crops = scene | {"crop": {"of": "other"}}
+    scene, crops = map(of_scenes.checked, (scene, scene | {"crop": {"of": "other"}}))
+    assert base.of(scene).wants_matches(scene) is wanted
     assert not base.of(crops).wants_matches(crops)
 
 

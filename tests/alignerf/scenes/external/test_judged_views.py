@@ -105,7 +105,9 @@ def test_transparent_holes_do_not_count_or_show_the_background(tmp_path):
     assert not mask[52:58, 52:58].any()
     with_hole(tmp_path / "photos" / "v03.png")
     (tmp_path / "white").mkdir()
-    scene = prepare(tmp_path / "white", config | {"background": "white"})
+    scene = prepare(
+        tmp_path / "white", config.model_copy(update={"background": "white"})
+    )
     (mask,) = prepared.read_masks(prepared.load(scene), [3])
     assert mask[52:58, 52:58].all()
     out = run(scene)
@@ -323,8 +325,8 @@ def test_a_camera_out_of_all_bounds_is_named_by_its_file(tmp_path):
 
 
 def test_photos_are_no_renders_of_themselves(tmp_path):
-    config = cases.project(tmp_path)
-    config["external_renders"]["renders"] = config["path"]
+    cases.project(tmp_path)
+    config = cases.config(tmp_path, renders=str(tmp_path / "photos"))
     with pytest.raises(ValueError, match=r"v00\.png: this render is the photo itself"):
         views.find(config)
 
@@ -339,8 +341,8 @@ def test_photos_in_folders_are_found_by_their_paths(tmp_path, caplog, where, inn
     told = cases.transforms(tmp_path / "transforms.json", [*names[1:], "cam1/9"])
     content = told.read_text().replace("images/", where).replace(".png", ".JPG")
     told.write_text(content.replace("cam0/", "cam0\\\\") if "\\" in where else content)
-    config = cases.config(tmp_path, cameras=str(told))
-    config["external_renders"]["renders"] = str(tmp_path / "photos" / "renders")
+    within = str(tmp_path / "photos" / "renders")
+    config = cases.config(tmp_path, cameras=str(told), renders=within)
     judged = views.find(config)
     assert [pair.name for pair in judged.pairs] == sorted(
         name.replace("/", "_") for name in names[1:]
