@@ -2,6 +2,7 @@
 
 import copy
 import functools
+import gc
 import os
 import pathlib
 import pickle
@@ -72,6 +73,13 @@ def pytest_collection_modifyitems(items):
     """The longest first: begun last, one of them keeps a core idle for minutes."""
     checking = bool(os.environ.get("ALIGNERF_SECONDS"))
     items.sort(key=lambda item: (item.path.name in LONGEST) == checking)
+
+
+def pytest_collection_finish():
+    """What is imported stays: to look for garbage in it takes a sixth of a trace."""
+    gc.collect()
+    gc.freeze()
+    gc.set_threshold(100_000, 20, 50)
 
 
 @pytest.hookimpl(tryfirst=True)

@@ -93,6 +93,7 @@ def ask(path, words, streams=(0, 1, 2), environment=None):
 def serve(path):
     """Answer requests until standard input ends."""
     import contextlib
+    import functools
     import gc
     import importlib
     import pathlib
@@ -100,12 +101,14 @@ def serve(path):
 
     from snakemake import cli  # noqa: F401
 
+    from alignerf.costs import plan  # noqa: F401
     from alignerf.experiment import sources
 
-    # Plans of this project read none of its files again.
+    # Plans of this project look for none of its files, and read none, again.
+    sources.file_of = functools.cache(sources.file_of)
     for name in OURS:
         for file in pathlib.Path(ROOT, name).rglob("*.py"):
-            sources.imports(file)
+            list(map(sources.file_of, sources.imports(file)))
     gc.freeze()
     listening = socket.socket(socket.AF_UNIX)
     listening.bind(path)

@@ -67,6 +67,16 @@ def with_density(params, bias):
     )
 
 
+def varied(params, size=1.0):
+    """Parameters that say something: fresh ones are flat, and alike."""
+
+    def moved(leaf):
+        waves = size * np.sin(7.0 * np.arange(leaf.size)).reshape(leaf.shape)
+        return jnp.asarray(np.asarray(leaf) + waves, leaf.dtype)
+
+    return jax.tree.map(moved, params)
+
+
 def baseline(batch_rays=96, loss_weights=WEIGHTS):
     return methods.mipnerf360(
         tiny_model(), batch_rays=batch_rays, loss_weights=loss_weights

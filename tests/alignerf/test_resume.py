@@ -11,7 +11,7 @@ from alignerf.training import loop, memory
 from tests import job_cases as cases
 
 
-@pytest.mark.parametrize("at_step", [4, 12])
+@pytest.mark.parametrize("at_step", cases.one_of([4, 12], 4))
 def test_resumes_bit_for_bit(
     folder, uninterrupted, tmp_path, monkeypatch, caplog, at_step
 ):
@@ -163,7 +163,9 @@ def test_another_job_begins_in_the_usual_micro_batches(
     assert compiled == [4, 1]
 
 
-@pytest.mark.parametrize("manifest", ["", "[]", '{"parts": 0}', '{"parts": "2"}'])
+@pytest.mark.parametrize(
+    "manifest", cases.one_of(["", "[]", '{"parts": 0}', '{"parts": "2"}'], "[]")
+)
 def test_a_manifest_without_micro_batches_is_no_hint(
     folder, uninterrupted, tmp_path, compiled, manifest
 ):

@@ -62,7 +62,7 @@ def test_searching_is_another_training(whole, uninterrupted):
     )
 
 
-@pytest.mark.parametrize("at_step", [2, PLACE, 8])
+@pytest.mark.parametrize("at_step", cases.one_of([2, PLACE, 8], 8))
 def test_killed_before_or_after_its_look_it_resumes_bit_for_bit(
     folder, whole, tmp_path, monkeypatch, at_step
 ):

@@ -49,6 +49,7 @@ def report(images, renders, cameras):
     )
 
 
+@pytest.mark.whole
 def test_it_says_what_the_command_says(report, tmp_path):
     assert report.state in ("aligned", "misaligned", "unclear")
     assert str(report).startswith("VERDICT ")

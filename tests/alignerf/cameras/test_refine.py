@@ -14,6 +14,7 @@ from alignerf.mipnerf360 import coord
 from alignerf.scenes import cameras, prepared
 from alignerf.training import methods
 from alignerf.training import step as train_step
+from tests import job_cases
 from tests import training_cases as cases
 
 SIZE = WIDTH, HEIGHT = 64, 48
@@ -117,7 +118,7 @@ FIELDS = {
 }
 
 
-@pytest.mark.parametrize("kind", FIELDS)
+@pytest.mark.parametrize("kind", job_cases.one_of(FIELDS, "grid"))
 def test_learning_turns_a_wrong_camera_towards_its_photo(kind):
     """Of the loss by a camera's twist, autodiff agrees with differences."""
     model = cases.tiny_model().clone(field=fields.make(kind, **FIELDS[kind]))
@@ -131,11 +132,7 @@ def test_learning_turns_a_wrong_camera_towards_its_photo(kind):
     params = jax.jit(learning.init)(jax.random.key(1))
     assert params["cameras"].shape == (3, 6)
     assert not params["cameras"].any()
-    # Fields that say something: fresh ones are flat.
-    params["model"] = jax.tree.map(
-        lambda x: x + 0.3 * jnp.sin(7.0 * jnp.arange(x.size)).reshape(x.shape),
-        params["model"],
-    )
+    params["model"] = cases.varied(params["model"], 0.3)
     batch = jax.jit(learning.draw)(jax.random.key(2), 0, photos)
 
     @jax.jit
@@ -166,17 +163,15 @@ def test_frequencies_come_in_one_after_the_other():
         assert float(methods.passed(share, 0.1, 0.5)) == pytest.approx(wanted)
 
 
-@pytest.mark.parametrize("kind", FIELDS)
+@pytest.mark.parametrize("kind", job_cases.one_of(FIELDS, "grid"))
 def test_what_is_fine_is_hidden_at_first(kind):
     """A field's finest input changes its first colours not at all, its last ones do."""
     count = {"grid": 2, "mlp": 3, "nerf": 2}[kind]
     field = fields.make(kind, **FIELDS[kind])
     gaussians = some_gaussians()
     directions = jnp.ones((2, 3)) / np.sqrt(3)
-    params = field.init(jax.random.key(0), gaussians, directions)
-    params = jax.tree.map(
-        lambda x: x + 0.3 * jnp.sin(7.0 * jnp.arange(x.size)).reshape(x.shape), params
-    )
+    params = jax.jit(field.init)(jax.random.key(0), gaussians, directions)
+    params = cases.varied(params, 0.3)
 
     def values(params, fineness):
         return field.apply(params, gaussians, directions, fineness=fineness)[1]

@@ -84,6 +84,7 @@ def error_deg(found, true):
     return np.degrees(np.arccos(cosine.clip(-1, 1))).max()
 
 
+@pytest.mark.whole
 def test_wrong_poses_are_adjusted_and_written_in_every_format(
     scan, photographed, tmp_path, capsys
 ):

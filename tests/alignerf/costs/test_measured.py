@@ -49,6 +49,7 @@ def run(scene, out, found, monkeypatch):
     return json.loads(out.read_text())
 
 
+@pytest.mark.whole
 def test_a_tiny_plan_is_measured_and_told(scene, tmp_path, monkeypatch, capsys):
     out = tmp_path / "preflight.json"
     found = run(scene, out, work(), monkeypatch)

@@ -97,6 +97,7 @@ def test_a_scene_made_of_the_export_has_the_same_cameras(made, views, tmp_path):
         np.testing.assert_array_equal(*both)
 
 
+@pytest.mark.whole
 def test_of_photos_points_land_on_their_pixels(taken, tmp_path):
     """COLMAP's cameras at the photos' size; masks under the names of both programs."""
     config, scene, wanted = taken

@@ -42,7 +42,9 @@ def by_hand(photo, flow_px, valid):
     return warp.warp(photo, large_px), inside
 
 
-@pytest.mark.parametrize("valid", ["valid", "offsets"])
+@pytest.mark.parametrize(
+    "valid", ["valid", pytest.param("offsets", marks=pytest.mark.whole)]
+)
 def test_photos_are_warped_at_full_size(made, views, warped, valid):
     """By a round's flow, and by the offsets of a training that warped on its way."""
     more = ("--warped", warped / "warped", "--valid", warped / valid)

@@ -70,7 +70,7 @@ def test_the_field_is_its_twin(rng):
     mean = jnp.asarray(points, jnp.float32)
     none = jnp.zeros(mean.shape[:2])
     gaussians = coord.Gaussians(mean, mean, none, none)
-    params = field.init(jax.random.key(0), gaussians, jnp.asarray(views, jnp.float32))
+    params = jax.jit(field.init)(jax.random.key(0), gaussians, np.float32(views))
     params = jax.tree.map(
         lambda leaf: jnp.asarray(rng.normal(size=leaf.shape), jnp.float32), params
     )

@@ -156,7 +156,7 @@ def test_fields_give_finite_values_and_gradients(kind, scale):
 def test_a_gaussian_larger_than_all_cells_sees_nothing_of_the_grid():
     field = fields.make("grid", levels=3, log2_hashmap_size=8, max_resolution=64)
     g = gaussians(scale=0.3)
-    params = field.init(jax.random.key(0), g, None)
+    params = jax.jit(field.init)(jax.random.key(0), g, None)
     blurred = g._replace(t_std=g.t_std * 1e5, r_std=g.r_std * 1e5)
     density, _ = field.apply(params, blurred, None)
     assert jnp.std(density) < 1e-7
@@ -173,7 +173,7 @@ def test_an_aliased_grid_sees_the_middle_of_a_gaussian_however_large():
             anti_aliased=anti_aliased,
         )
         g = gaussians(scale=0.3)
-        params = field.init(jax.random.key(0), g, None)
+        params = jax.jit(field.init)(jax.random.key(0), g, None)
         # Features that differ, where an untrained table has hardly any.
         params = jax.tree.map(lambda leaf: 100 * leaf, params)
         for times in (1e-4, 10.0):

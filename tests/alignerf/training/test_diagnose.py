@@ -10,6 +10,7 @@ import pytest
 
 from alignerf.training import diagnose
 from alignerf.training import step as train_step
+from tests import job_cases
 from tests import training_cases as cases
 
 NAMES = ["oak", "fir", "elm"]
@@ -51,7 +52,7 @@ def poisonable(method, names):
     return method._replace(init=init, terms=terms)
 
 
-@pytest.fixture(scope="module", params=METHODS)
+@pytest.fixture(scope="module", params=job_cases.one_of(METHODS, "mipnerf360"))
 def trained(request):
     """(method, state that no step has changed, step)."""
     make, names = METHODS[request.param]

@@ -13,10 +13,13 @@ import pytest
 from jax import random
 
 from alignerf.training import gradients
+from tests import job_cases
 from tests import training_cases as cases
 
 
-@pytest.mark.parametrize("kind", ["mipnerf360", "alignerf", "aligned_loss"])
+@pytest.mark.parametrize(
+    "kind", job_cases.one_of(["mipnerf360", "alignerf", "aligned_loss"], "alignerf")
+)
 def test_micro_batches_give_the_gradient_of_the_batch(kind):
     """With masks that differ from part to part, and one part that is all masked."""
     method = cases.alignerf(patches=4) if kind == "alignerf" else cases.baseline()
@@ -59,6 +62,7 @@ def test_as_many_devices_as_share_the_units_evenly(units, count, used, caplog):
     assert (f"{used} of {count} devices are used" in caplog.text) == (used < count)
 
 
+@pytest.mark.whole
 def test_eight_devices_learn_what_one_does(root):
     flags = (
         f"{os.environ.get('XLA_FLAGS', '')} --xla_force_host_platform_device_count=8"

@@ -29,7 +29,7 @@ def traced(monkeypatch):
     return count
 
 
-@pytest.mark.parametrize("stage", ["full", "finetune"])
+@pytest.mark.parametrize("stage", job_cases.one_of(["full", "finetune"], "full"))
 def test_a_step_is_traced_once_for_equal_trainings(traced, stage):
     views = jax.eval_shape(lambda: jax.tree.map(jax.numpy.asarray, cases.make_views()))
     for seed in (1, 2):
@@ -45,11 +45,11 @@ def test_a_step_is_traced_once_for_equal_trainings(traced, stage):
     assert len(traced) == 2
 
 
-def test_a_renderer_is_traced_once_for_equal_methods(traced):
+def test_a_renderer_is_traced_once_for_equal_methods(rng, traced):
     views = cases.make_views()
     for height in (6, 12):
         method = compose.make_method(job_of(), to_train=False)
-        params = method.init(jax.random.key(0))
+        params = cases.random_params(rng, method)
         render = renderer.make_renderer(method, params, 32, height)
         render(views.pixtocams[0], views.camtoworlds[0])
     # The rows of a smaller image are a smaller program.

@@ -42,6 +42,7 @@ def test_of_the_courtyard(tmp_path):
     assert (views.width, views.height) == (96, 72)
 
 
+@pytest.mark.whole
 def test_other_cameras_of_the_same_views(tmp_path):
     (tmp_path / "work").mkdir()
     poses.main(OF_COURTYARD, tmp_path / "out")
@@ -75,6 +76,7 @@ def photos(tmp_path_factory):
     return folder
 
 
+@pytest.mark.whole
 def test_of_photos_by_the_lenses_that_colmap_found(photos, tmp_path):
     (tmp_path / "work").mkdir()
     config = {
