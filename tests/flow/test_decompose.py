@@ -9,7 +9,7 @@ import pytest
 from alignerf.scenes import cameras
 from alignerf.scenes.courtyard import rays as courtyard_rays
 from alignerf.scenes.courtyard import scene as courtyard
-from alignerf.tables import costs
+from alignerf.tables import displacement
 from flow import decompose
 from flow.warping import files
 from tests import table_cases
@@ -223,13 +223,13 @@ def test_table_of_means_over_views(tmp_path):
         table.to_csv(row.files["parts"], index=False)
         scores = pd.read_csv(row.files["scores"]).assign(view=views["view"])
         scores.to_csv(row.files["scores"], index=False)
-    table = costs.displacement(table_cases.collect(tmp_path, [first, second]))
+    table = displacement.make_table(table_cases.collect(tmp_path, [first, second]))
     assert table["round"].tolist() == [0, 1]
     assert table["views"].tolist() == [2, 2]
     assert table["flow_median_px"].tolist() == pytest.approx([2**0.5, 2.0], rel=1e-5)
     assert table["camera_fraction"][0] == pytest.approx(1, abs=1e-3)
     assert table["model_mean_px"].isna().all()
-    tex = costs.displacement_to_latex(table)
+    tex = displacement.to_latex(table)
     assert "1.41" in tex
     assert r"a\_b" in tex
     assert "model" not in tex
