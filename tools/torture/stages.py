@@ -219,7 +219,9 @@ def untimed(path):
         return without_times(json.loads(path.read_text()))
     if path.suffix == ".csv":
         with open(path, newline="") as file:
-            return [without_times(row) for row in csv.DictReader(file)]
+            rows = [*csv.DictReader(file)]
+        # Of a table of metrics a line may be of a time.
+        return [without_times(r) for r in rows if not is_measured(r.get("metric", ""))]
     return path.read_bytes()
 
 
