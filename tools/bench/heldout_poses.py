@@ -106,11 +106,9 @@ def rows_of(path, rules):
 def write(path, rows):
     """Write the CSV below the lines that say where it comes from."""
     table = pd.DataFrame(rows)
-    names = " ".join(table["capture"].unique())
-    command = "python -m tools.bench.heldout_poses CAPTURES WORK --captures"
-    head = measure.head(
-        f"{command} {names} --out FILE", f"{os.cpu_count()} cores of a shared machine"
-    )
+    command = "python -m tools.bench.heldout_poses CAPTURES WORK --captures "
+    command += " ".join([*table["capture"].unique(), "--out FILE"])
+    head = measure.head(command, f"{os.cpu_count()} cores of a shared machine")
     with atomic.replace_file(path) as temporary:
         temporary.write_text(head + table.to_csv(index=False))
 
