@@ -127,7 +127,7 @@ def lens_of(path, content, number):
         return shots.lens(f"{path}: frame {number}", "PINHOLE", own[number])
     if content.get("K") is None:
         raise ValueError(f"{path}: no K in it")
-    columns = np.reshape(content["K"], (3, 3))
+    columns = np.array(content["K"], np.float64).reshape(3, 3)
     if not np.allclose(columns[[0, 1, 0, 1, 2], [1, 0, 2, 2, 2]], [0, 0, 0, 0, 1]):
         raise ValueError(f"{path}: K is not fx 0 0, 0 fy 0, cx cy 1")
     params = columns[[0, 1, 2, 2], [0, 1, 0, 1]]
@@ -140,8 +140,8 @@ def pose_of(values):
 
     from alignerf.scenes.formats import shots
 
-    rotation = shots.rotation_of(np.array(values[:4], np.float64))
-    return np.concatenate([rotation, np.reshape(values[4:], (3, 1))], axis=-1)
+    values = np.array(values, np.float64)
+    return np.concatenate([shots.rotation_of(values[:4]), values[4:, None]], axis=-1)
 
 
 CAPTURE = Record3d()

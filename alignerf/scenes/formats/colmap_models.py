@@ -15,6 +15,7 @@ reconstruction_io_text.cc.
 
 import contextlib
 import logging
+import math
 import struct
 from pathlib import Path
 
@@ -160,7 +161,7 @@ def cameras_of(folder) -> shots.Cameras:
         if number not in lenses:
             raise ValueError(f"{path}: {faults.name_of(name)}: no camera {number}")
         # Of a quaternion of another length the rotation alone is scaled.
-        length = np.linalg.norm([x, y, z, w]) or 1.0
+        length = math.hypot(x, y, z, w) or 1.0
         turn = shots.rotation_of(np.array([x, y, z, w]))
         pose = shots.pose_from(turn, np.array(shift) / length)
         lens, size = lenses[number]

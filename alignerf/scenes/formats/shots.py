@@ -7,6 +7,7 @@ rule for photos that are missing; `views_of` makes undistorted views of both.
 import functools
 import itertools
 import logging
+import math
 import os
 import posixpath
 import re
@@ -281,7 +282,7 @@ def sized(where, found, root=None):
         sizes.append(shot.size or tuple(n * side for side in own))
     lenses = [shot.of_size(size) for shot, size in zip(found, sizes, strict=True)]
     times = [
-        times_of(lens[0][:2, 2], size) if min(size) > 0 else 1
+        times_of(lens[0][:2, 2], size) if min(size) >= 1 else 1
         for lens, size in zip(lenses, sizes, strict=True)
     ]
     if len({*times}) > 1:
@@ -435,13 +436,13 @@ def lens(where, model, params):
 def pose(rotation, place):
     """Camera-to-world [3, 4], OpenGL axes, of a rotation with OpenCV's."""
     turn = np.array(rotation, np.float64) @ scene_cameras.OPENGL_FROM_OPENCV
-    return np.concatenate([turn, np.reshape(place, (3, 1))], axis=1)
+    return np.concatenate([turn, np.array(place, np.float64).reshape(3, 1)], axis=1)
 
 
 def pose_from(rotation, shift):
     """The same of a rotation and a translation from the world to the camera."""
     turn = np.array(rotation, np.float64).T
-    return pose(turn, -turn @ shift)
+    return pose(turn, -turn @ np.array(shift, np.float64))
 
 
 def rows(where, key, content, kind):
@@ -473,7 +474,8 @@ def numbers(where, words, count):
 
 def rotation_of(quaternion):
     """Rotation [3, 3] of (x, y, z, w), times its length."""
-    length = np.linalg.norm(quaternion)
+    # NumPy's norm squares, which the largest numbers are too large for.
+    length = math.hypot(*quaternion)
     x, y, z, w = quaternion / (length or 1)
     across = np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]])
     return length * (np.eye(3) + 2 * (w * across + across @ across))

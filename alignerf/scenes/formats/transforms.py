@@ -161,7 +161,8 @@ def splits_of(path, scene):
 def is_lost(frame):
     """Whether a pose is null or has a number that is none, as of lost tracking."""
     rows = frame.get("transform_matrix")
-    entries = [e for row in rows if isinstance(row, list) for e in row] if rows else []
+    of_rows = rows if isinstance(rows, list) else []
+    entries = [e for row in of_rows if isinstance(row, list) for e in row]
     return rows is None or any(
         isinstance(entry, float) and not math.isfinite(entry) for entry in entries
     )

@@ -358,6 +358,7 @@ def change(content, path, value):
         (["frames", 0, "transform_matrix", 0, 3], "1", "transform_matrix"),
         (["frames", 0, "transform_matrix", 0, 3], [1.0], "transform_matrix"),
         (["frames", 0, "transform_matrix"], {"0": 1}, "transform_matrix"),
+        (["frames", 0, "transform_matrix"], 1.5, "transform_matrix"),
     ],
 )
 def test_faults_are_named(scene, path, value, named):

@@ -185,6 +185,7 @@ def first_json(folder, app):
         ("polycam", {"width": True}, "width is True"),
         ("polycam", {"width": 48, "height": 64}, "turned against"),
         ("polycam", {"width": 0}, "must be positive"),
+        ("polycam", {"width": 5e-324}, "another shape"),
         ("scanner3d", {"intrinsics": None}, "no intrinsics"),
         ("scanner3d", {"intrinsics": [1] * 8}, r"intrinsics is \[1, 1"),
         ("scanner3d", {"intrinsics": [60, 0, 0, 0, 60, 0, 31, 25, 1]}, "not fx 0 cx"),

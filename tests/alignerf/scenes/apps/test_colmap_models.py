@@ -103,6 +103,7 @@ IMAGE = "1 {} 0 0 0 1 p0.jpg"
         (spoiled(IMAGE.format("0 0 0 0")), r"rotation of 'p0\.jpg' is none"),
         (spoiled(IMAGE.format("nan 0 0 0")), "line 5: 7 numbers were expected"),
         (spoiled(IMAGE.format("1 0 x 0")), "line 5: 7 numbers were expected"),
+        (spoiled(IMAGE.format("1e299 0 0 0")), r"rotation of 'p0\.jpg' is scaled"),
         (spoiled("1 1 0 0 0"), "line 5: not an image: cut short"),
         # No lines of points: COLMAP would leave out every second image.
         (lambda text: text.replace("\n\n", "\n"), "not the points of the image above"),

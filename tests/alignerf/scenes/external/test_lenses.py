@@ -43,8 +43,11 @@ def entry(name, **more):
 def test_gaussian_splatting(tmp_path):
     """Its axes are OpenCV's: what it calls forward is minus z of ours."""
     path = tmp_path / "cameras.json"
-    path.write_text(json.dumps([entry("v00"), entry("v01.jpg")]))
+    path.write_text(
+        json.dumps([entry("v00"), entry("v01.jpg", position=[2**70, 0, 0])])
+    )
     found = lenses.read(tmp_path)
+    assert found.shots[1].pose[0, 3] == 2**70
     assert [shot.name for shot in found.shots] == ["v00", "v01.jpg"]
     pose = found.shots[0].pose
     np.testing.assert_allclose(pose[:, 3], [1, 2, 3])
