@@ -17,7 +17,7 @@ from tests import judged_cases as cases
 @pytest.fixture(autouse=True)
 def unmatched(monkeypatch):
     """Cameras are checked in the tests of `judge`: that takes most of the time."""
-    record = base.of({"source": "external_renders"})
+    record = base.every()["external_renders"]
     monkeypatch.setattr(type(record), "wants_matches", lambda self, config: False)
 
 
