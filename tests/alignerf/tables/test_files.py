@@ -104,15 +104,6 @@ def test_what_lies_beside_fails_with_the_table(scene, monkeypatch):
     assert not [path for path in scene.glob("out/*") if path.is_file()]
 
 
-def test_a_test_set_that_is_needed_is_named(scene):
-    path = scene / "scores.csv"
-    path.write_text(path.read_text().replace(",crossfit,", ",held,"))
-    reason = "yard: base after round 0: no test set 'crossfit'"
-    with pytest.raises(ValueError, match=reason):
-        make(scene, "controls")
-    assert not (scene / "out").exists()
-
-
 def test_a_table_that_is_not_known_is_named(scene, capsys):
     with pytest.raises(SystemExit):
         make(scene, "scores")
