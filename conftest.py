@@ -46,7 +46,7 @@ import numpy as np
 import pytest
 import yaml
 
-from alignerf.scenes.courtyard import scene as courtyard
+from alignerf.courtyard import scene as courtyard
 from tests import forks, ratchet
 
 # One device in this process, whatever stage it calls first (see processes/devices.py).

@@ -13,7 +13,9 @@ misalignment analysis           the package `flow`
 learning poses (CamP, BARF)      `cameras`
 Tables 1 and 4, their controls  `tables`: misalignment, controls, ranking, effects, ...
 PSNR, SSIM, LPIPS               `metrics`, on `networks` with published weights
-images, cameras, the truth      `scenes`, the embedded scene in `scenes.courtyard`
+photos, cameras, views          `scenes`; others' files `readers`; poses `colmap`, `sfm`
+the embedded scene, its truth   `courtyard`
+photos and renders of others    `judged`
 what other programs are given   `exports`
 
 other programs' renders         `diagnose`, in `api`, for Python and notebooks

@@ -16,16 +16,10 @@ import numpy as np
 
 from alignerf.captures import base
 from alignerf.experiment.checks import scenes as of_scenes
-from alignerf.exports import (
-    formats,
-    held_out,
-    photos,
-    points,
-    readme,
-    warps,
-)
+from alignerf.exports import formats, held_out, points, readme, warps, written
 from alignerf.io import atomic, faults, json_files
-from alignerf.scenes import originals, prepare, prepared
+from alignerf.judged import originals
+from alignerf.scenes import prepare, prepared
 
 log = logging.getLogger("alignerf")
 
@@ -80,7 +74,7 @@ def main(argv=None):
     paid = not args.if_pays or pays(*args.if_pays)
     if not paid:
         args.cameras = args.warped = args.valid = args.fit_held_out = None
-    config = photos.config_of(args.config, args.scene)
+    config = written.config_of(args.config, args.scene)
     config = config and of_scenes.checked(config)
     out = Path(args.out)
     with (
@@ -88,8 +82,8 @@ def main(argv=None):
         atomic.scratch_folder(out.parent, name="export") as work,
     ):
         chosen = choose(args, config, work)
-        masked = photos.write(folder, chosen.views, alpha=is_synthetic(args.scene))
-        arrays = photos.arrays_of(chosen.views)
+        masked = written.write(folder, chosen.views, alpha=is_synthetic(args.scene))
+        arrays = written.arrays_of(chosen.views)
         agreeing = np.arange(len(chosen.views.names))
         if chosen.moved and not chosen.adjusted:
             agreeing = points.agreeing(arrays, chosen.fitted)
@@ -133,9 +127,9 @@ def choose(args, config, work) -> Chosen:
     if full and known:
         originals.check(loaded.folder)
         (work / "photos_work").mkdir()
-        views = photos.of_photos(config, loaded.folder, work / "photos_work", path)
+        views = written.of_photos(config, loaded.folder, work / "photos_work", path)
     else:
-        views = photos.as_trained(loaded, path)
+        views = written.as_trained(loaded, path)
     if args.warped and full and not known:
         log.warning(
             "%s does not say how photos were warped: they go out at the size of "
@@ -147,9 +141,9 @@ def choose(args, config, work) -> Chosen:
     elif args.warped:
         views = warps.as_trained(views, loaded, args.warped, args.valid)
     given, now = prepared.read_cameras(own), prepared.read_cameras(path)
-    moved = photos.has_moved(given, now)
-    corrected = photos.has_moved(given, now, loaded.views("train"))
-    views = photos.at_width(views, args.width)
+    moved = written.has_moved(given, now)
+    corrected = written.has_moved(given, now, loaded.views("train"))
+    views = written.at_width(views, args.width)
     warped = bool(args.warped)
     adjusted = args.cameras is not None and args.cameras == args.adjusted
     flags = moved, corrected, adjusted, warped, full and not known

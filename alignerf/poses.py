@@ -13,21 +13,15 @@ from pathlib import Path
 import numpy as np
 
 from alignerf.captures import base
+from alignerf.captures import photos as of_photos
+from alignerf.colmap import crops, loading
+from alignerf.courtyard import truth
 from alignerf.experiment import jobs
 from alignerf.experiment.checks import scenes as of_scenes
 from alignerf.io import atomic, faults, owned
-from alignerf.scenes import (
-    cameras,
-    held_out,
-    loading,
-    originals,
-    prepare,
-    prepared,
-)
-from alignerf.scenes.capture import crops
-from alignerf.scenes.courtyard import truth
-from alignerf.sfm import calibration, matches, mistakes
-from alignerf.sfm import capture as checking
+from alignerf.judged import originals
+from alignerf.scenes import cameras, held_out, prepare, prepared
+from alignerf.sfm import calibration, checking, matches, mistakes
 
 log = logging.getLogger("alignerf.poses")
 
@@ -101,7 +95,7 @@ def main(config, out, whole=None, cameras=None, places=None, adjust=False):
         files = [*originals.of_views(config, full), *told.pop("files", ())]
         outer = [path for path in files if scratch not in Path(path).parents]
         originals.write(fresh, outer)
-        told["photos_alone"] = originals.photos_alone(outer)
+        told["photos_alone"] = of_photos.alone(outer)
         for path in (scratch / prepared.BESIDE).glob("*"):
             atomic.move(path, fresh / "images" / path.name)
         if (scratch / "colmap").is_dir():

@@ -7,9 +7,10 @@ import pycolmap
 from PIL import Image
 
 from alignerf import export
+from alignerf.colmap import structure
 from alignerf.io import faults
-from alignerf.scenes import cameras, colmap
-from alignerf.scenes.formats import transforms
+from alignerf.readers import transforms
+from alignerf.scenes import cameras
 
 WIDTH, HEIGHT = 192, 144
 OF_COURTYARD = {
@@ -40,7 +41,7 @@ def check_cameras(out, wanted, atol=1e-6):
     assert (found.width, found.height) == (wanted.width, wanted.height)
     assert found.split.tolist() == wanted.split.tolist()
     model = pycolmap.Reconstruction(out / "sparse" / "0")
-    of_colmap = colmap.convert(model, wanted.names)
+    of_colmap = structure.convert(model, wanted.names)
     assert of_colmap.names == wanted.names
     sizes = {(one.width, one.height) for one in model.cameras.values()}
     assert sizes == {(wanted.width, wanted.height)}

@@ -101,7 +101,7 @@ def serve(path):
 
     from snakemake import cli  # noqa: F401
 
-    from alignerf.costs import plan  # noqa: F401
+    from alignerf.costs import estimate  # noqa: F401
     from alignerf.experiment import sources
 
     # Plans of this project look for none of its files, and read none, again.

@@ -9,7 +9,7 @@ import numpy as np
 from PIL import Image
 
 from alignerf.experiment.checks import scenes as of_scenes
-from alignerf.scenes.external import geometry
+from alignerf.judged import geometry
 
 SIZE = (160, 120)
 CAMTOPIX = np.array([[150.0, 0, 79.0], [0, 150.0, 61.0], [0, 0, 1]])

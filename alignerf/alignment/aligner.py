@@ -11,7 +11,7 @@ import time
 
 import numpy as np
 
-from alignerf.alignment import cameras, look, photos, store
+from alignerf.alignment import cameras, look, store, warped
 from alignerf.cameras import refine
 from alignerf.experiment import jobs
 from alignerf.methods import align, base
@@ -233,7 +233,7 @@ class Aligner:
         options = {"whole": whole, "max_pixels": FITTED_PIXELS}
         corrections = corrections or [None] * len(seen)
         fields = [
-            photos.offsets(view, one, **options)
+            warped.offsets(view, one, **options)
             for view, one in zip(seen, corrections, strict=True)
         ]
         self.offsets_px = np.stack([offset for offset, _ in fields]).astype(np.float32)
@@ -248,7 +248,7 @@ class Aligner:
         """The `batches.Views` after the alignments so far; views: before them."""
         chosen = self.scene.views
         if self.offsets_px is not None:
-            views = photos.warped(views, self.offsets_px, self.valid, self.k)
+            views = warped.warped(views, self.offsets_px, self.valid, self.k)
         return views._replace(
             pixtocams=self.now.pixtocams[chosen].astype(np.float32),
             camtoworlds=self.now.camtoworlds[chosen].astype(np.float32),

@@ -33,7 +33,7 @@ from alignerf.io import (
     machine,
     provenance,
 )
-from alignerf.scenes.external import views
+from alignerf.judged import views
 from alignerf.verdict import kinds
 
 # From OpenCV's axes to OpenGL's, and back.

@@ -26,7 +26,7 @@ class Blender(posed.Posed):
 
     def read_given(self, scene):
         """A view's name begins with its split."""
-        from alignerf.scenes.formats import shots, transforms
+        from alignerf.readers import shots, transforms
 
         folder, found, lost = Path(scene.path), [], []
         for split in SPLITS:

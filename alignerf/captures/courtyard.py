@@ -12,7 +12,7 @@ log = logging.getLogger("alignerf.poses")
 MAX_PHOTO_BYTES = 2**35
 
 
-# Of the courtyard (`alignerf.scenes.courtyard.world`; a test holds both equal).
+# Of the courtyard (`alignerf.courtyard.world`; a test holds both equal).
 OBJECTS = ("ground", "hedge", "hills", "sky", "wall", "posts", "wires", "plinth")
 OBJECTS += ("trunk", "tower", "case", "carton", "tin", "arm")
 
@@ -59,7 +59,7 @@ class CourtyardCapture(base.Capture):
     frame = "the courtyard's, in metres"
 
     def read(self, scene, scratch):
-        from alignerf.scenes import loading
+        from alignerf.colmap import loading
 
         log.info("rendering %d photos of the courtyard", scene.courtyard.views)
         views, true = rendered(scene, scratch)
@@ -90,10 +90,10 @@ class CourtyardCapture(base.Capture):
 
 def rendered(scene, scratch):
     """(views with true cameras, the truth): photos are rendered into a folder."""
+    from alignerf.courtyard import scene as courtyard
+    from alignerf.courtyard import truth
     from alignerf.io import images
     from alignerf.scenes import prepare
-    from alignerf.scenes.courtyard import scene as courtyard
-    from alignerf.scenes.courtyard import truth
 
     folder, made = scratch / "photos", dict(scene.courtyard)
     folder.mkdir()
@@ -123,8 +123,9 @@ def by_colmap(folder, scratch, true, scene):
     the still scene 0.77 px of a 200x150 image from where it is on average, and
     0.07 px when nothing moves.
     """
-    from alignerf.scenes import cameras, loading
-    from alignerf.scenes.courtyard import truth
+    from alignerf.colmap import loading
+    from alignerf.courtyard import truth
+    from alignerf.scenes import cameras
 
     views, told, _ = loading.by_colmap(
         folder, scratch, scene, where="courtyard", camera_model="SIMPLE_PINHOLE"

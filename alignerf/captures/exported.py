@@ -11,13 +11,13 @@ class Exported(posed.Posed):
     keys = ("masks",)
 
     def detect_late(self, folder):
+        from alignerf.readers.programs import reading
         from alignerf.scenes import photo_names
-        from alignerf.scenes.programs import reading
 
         return reading.find(folder) is not None and bool(photo_names.listed(folder))
 
     def read_given(self, scene):
-        from alignerf.scenes.programs import reading
+        from alignerf.readers.programs import reading
 
         return reading.views_of(scene.path, scene.masks)
 

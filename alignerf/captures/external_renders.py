@@ -55,12 +55,12 @@ class JudgedCapture(posed.Posed):
     trains = False
 
     def read(self, scene, scratch):
-        from alignerf.scenes.external import views
+        from alignerf.judged import views
 
         return views.load(scene, scratch)
 
     def read_given(self, scene):
-        from alignerf.scenes.external import views
+        from alignerf.judged import views
 
         return views.at_full_size(scene)
 

@@ -14,7 +14,7 @@ class Llff(posed.Posed):
         return (folder / "poses_bounds.npy").exists()
 
     def read_given(self, scene):
-        from alignerf.scenes.formats import llff
+        from alignerf.readers import llff
 
         return llff.read(scene.path, masks=scene.masks), []
 

@@ -15,8 +15,8 @@ class MipNerf360(posed.Posed):
 
     def detect_late(self, folder):
         """A model lies elsewhere; ValueError where a part of it is missing."""
+        from alignerf.readers import colmap_models
         from alignerf.scenes import photo_names
-        from alignerf.scenes.formats import colmap_models
 
         if not (photo_names.listed(folder) or any(folder.glob("images_*/*"))):
             return False
@@ -31,11 +31,11 @@ class MipNerf360(posed.Posed):
         return False
 
     def read_given(self, scene):
-        from alignerf.scenes.formats import mipnerf360
+        from alignerf.readers import projects
         from alignerf.sfm import pairing
 
         keys = (scene.path, scene.images, scene.masks)
-        return mipnerf360.read(*keys, pairing.choose)
+        return projects.read(*keys, pairing.choose)
 
 
 CAPTURE = MipNerf360()

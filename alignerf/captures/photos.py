@@ -1,5 +1,9 @@
 """A folder of photos and films, or one film: COLMAP finds the poses."""
 
+import collections
+import contextlib
+from pathlib import Path
+
 from alignerf.captures import base
 
 
@@ -15,7 +19,7 @@ class Photos(base.Capture):
         return inner_of(folder) is not None
 
     def scene(self, folder):
-        from alignerf.scenes.programs import reading
+        from alignerf.readers.programs import reading
 
         reading.tell_unread(folder)
         inner = inner_of(folder)
@@ -26,12 +30,12 @@ class Photos(base.Capture):
         return found
 
     def read(self, scene, scratch):
-        from alignerf.scenes import loading
+        from alignerf.colmap import loading
 
         return loading.by_colmap(scene.path, scratch, scene)
 
     def at_full_size(self, scene, folder, scratch):
-        from alignerf.scenes import loading
+        from alignerf.colmap import loading
 
         return loading.once_more(scene.path, scene, folder, scratch)
 
@@ -39,7 +43,7 @@ class Photos(base.Capture):
 def inner_of(folder):
     """The folder with the photos, which programs call so, or a film; or None."""
     if not folder.is_dir():
-        from alignerf.scenes.capture import video
+        from alignerf.colmap import video
 
         is_film = folder.is_file() and folder.suffix.lower() in video.SUFFIXES
         return folder if is_film else None
@@ -57,11 +61,26 @@ def inner_of(folder):
 
 def is_taken(path):
     """Whether a file is a photo or a film, by its name."""
+    from alignerf.colmap import video
     from alignerf.scenes import photos
-    from alignerf.scenes.capture import video
 
     suffixes = photos.SUFFIXES | video.SUFFIXES
     return path.suffix.lower() in suffixes and not path.name.startswith(".")
+
+
+def alone(paths):
+    """The folder of most photos among the paths, if no cameras lie there; else None."""
+    from alignerf.judged import originals
+
+    found = (path for path in map(Path, paths) if is_taken(path))
+    # Masks come after the photos, and are no more.
+    usual = collections.Counter(path.parent for path in found).most_common(1)
+    for folder, _ in usual:
+        with contextlib.suppress(ValueError, OSError):
+            record = base.detected(folder)
+            is_alone = record and record.poses == ("colmap",)
+            return originals.named(folder) if is_alone else None
+    return None
 
 
 CAPTURE = Photos()

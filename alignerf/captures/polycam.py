@@ -57,7 +57,7 @@ class Polycam(posed.App):
             )
 
     def photos_of(self, folder):
-        from alignerf.scenes.formats import shots
+        from alignerf.readers import shots
 
         inner, (name, _) = keyframes_of(folder), kinds_of(folder)
         if not (inner / name).is_dir():
@@ -68,7 +68,7 @@ class Polycam(posed.App):
         return found
 
     def read_given(self, scene):
-        from alignerf.scenes.formats import shots
+        from alignerf.readers import shots
 
         folder = scene.path
         self.check(folder)
@@ -108,7 +108,7 @@ def shot_of(name, photo, path):
     """The Shot of a camera's file."""
     import numpy as np
 
-    from alignerf.scenes.formats import shots
+    from alignerf.readers import shots
 
     content = json_files.read(path, KINDS)
     size = [float(content[key]) for key in SIZE if content.get(key) is not None]

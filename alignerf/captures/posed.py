@@ -19,7 +19,7 @@ class Posed(base.Capture):
         raise NotImplementedError
 
     def read(self, scene, scratch):
-        from alignerf.scenes import loading
+        from alignerf.colmap import loading
 
         views, left_out = self.read_given(scene)
         return views, loading.registration(views.names, left_out), None
@@ -44,7 +44,7 @@ class App(Posed):
         return True
 
     def read(self, scene, scratch):
-        from alignerf.scenes import loading
+        from alignerf.colmap import loading
 
         path = scene.path
         if scene.poses == "colmap":
@@ -56,7 +56,7 @@ class App(Posed):
         return views, told | {"of_poses": said}, truth
 
     def at_full_size(self, scene, folder, scratch):
-        from alignerf.scenes import loading
+        from alignerf.colmap import loading
 
         if scene.poses == "colmap":
             links = self.link_photos(scene.path, scratch)

@@ -48,7 +48,7 @@ class Record3d(posed.App):
         return {name_of(number): path for number, path in chosen(folder).items()}
 
     def read_given(self, scene):
-        from alignerf.scenes.formats import shots
+        from alignerf.readers import shots
 
         folder = scene.path
         frames, path = chosen(folder), first_of(folder, METADATA)
@@ -88,7 +88,7 @@ def numbered_photos(folder):
     inner = first_of(folder, PHOTOS)
     if inner is None:
         raise ValueError(f"{folder}: no rgb/<n>.jpg beside Record3D's metadata")
-    from alignerf.scenes.formats import shots
+    from alignerf.readers import shots
 
     found = {}
     for stem, path in shots.photos_in(inner).items():
@@ -105,7 +105,7 @@ def numbered_photos(folder):
 
 def chosen(folder):
     """{number: path} of the frames that are taken, as of `shots.evenly`."""
-    from alignerf.scenes.formats import shots
+    from alignerf.readers import shots
 
     return dict(shots.evenly(list(numbered_photos(folder).items()), folder))
 
@@ -119,7 +119,7 @@ def lens_of(path, content, number):
     """The lens of a frame: its own, else that of all."""
     import numpy as np
 
-    from alignerf.scenes.formats import shots
+    from alignerf.readers import shots
 
     own = content.get("perFrameIntrinsicCoeffs")
     # Of another number of frames they are none of these.
@@ -138,7 +138,7 @@ def pose_of(values):
     """Camera-to-world [3, 4] of a frame's seven numbers."""
     import numpy as np
 
-    from alignerf.scenes.formats import shots
+    from alignerf.readers import shots
 
     values = np.array(values, np.float64)
     return np.concatenate([shots.rotation_of(values[:4]), values[4:, None]], axis=-1)

@@ -33,7 +33,7 @@ class Scanner3d(posed.App):
         return any(Path(folder).glob("frame_[0-9]*.json"))
 
     def photos_of(self, folder):
-        from alignerf.scenes.formats import shots
+        from alignerf.readers import shots
 
         found = shots.photos_in(folder, PATTERN)
         if not found:
@@ -49,7 +49,7 @@ class Scanner3d(posed.App):
             raise ValueError(f"{folder}: no photo has a frame_*.json of its number")
 
     def read_given(self, scene):
-        from alignerf.scenes.formats import shots
+        from alignerf.readers import shots
 
         folder = scene.path
         self.check(folder)
@@ -67,7 +67,7 @@ def shot_of(name, photo, path):
     """The Shot of a frame's file."""
     import numpy as np
 
-    from alignerf.scenes.formats import shots
+    from alignerf.readers import shots
 
     content = json_files.read(path, KINDS)
     lens = np.reshape(content[LENS], (3, 3)).astype(np.float64)

@@ -13,7 +13,7 @@ class Transforms(posed.Posed):
         return (folder / "transforms.json").exists()
 
     def read_given(self, scene):
-        from alignerf.scenes.formats import transforms
+        from alignerf.readers import transforms
         from alignerf.sfm import pairing
 
         keys = {key: getattr(scene, key) for key in ("background", "images", "masks")}

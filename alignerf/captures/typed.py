@@ -111,8 +111,8 @@ def missing(path):
 
 def of_file(path, then):
     """The folder that a file means, or a film itself; `then` as of `unpacked`."""
+    from alignerf.colmap import video
     from alignerf.scenes import photos as of_photos
-    from alignerf.scenes.capture import video
 
     suffix = path.suffix.lower()
     if suffix in video.SUFFIXES:

@@ -15,7 +15,8 @@ from alignerf.cli import configs, folders, light, workflow
 from alignerf.experiment import check, layout, plan, targets
 from alignerf.experiment.checks import results
 from alignerf.io import faults
-from alignerf.scenes import originals, photos
+from alignerf.judged import originals
+from alignerf.scenes import photos
 
 log = logging.getLogger("alignerf")
 

@@ -14,11 +14,11 @@ import numpy as np
 
 from alignerf.captures import base, typed
 from alignerf.captures import photos as of_photos
+from alignerf.colmap import video
 from alignerf.experiment import sources, targets
 from alignerf.experiment.checks import names
 from alignerf.io import faults
 from alignerf.scenes import photo_names, photos
-from alignerf.scenes.capture import video
 
 log = logging.getLogger("alignerf")
 

@@ -24,8 +24,8 @@ from alignerf.experiment import layout, targets
 from alignerf.experiment.checks import results
 from alignerf.experiment.checks import scenes as of_scenes
 from alignerf.io import atomic, faults, owned, provenance
-from alignerf.scenes import originals, prepared
-from alignerf.scenes.external import lenses, splat, views
+from alignerf.judged import camera_files, originals, splat, views
+from alignerf.scenes import prepared
 from alignerf.verdict import evidence
 
 log = logging.getLogger("alignerf")
@@ -92,7 +92,7 @@ def run(name, args):
     print(f"{len(judged.pairs)} pairs of photo and render, {judged.told['layout']}")
     print(held_out(judged, splits))
     if not args.cameras:
-        log.warning(ASSUMED, lenses.ASSUMED_DEGREES)
+        log.warning(ASSUMED, camera_files.ASSUMED_DEGREES)
     if args.before:
         print(f"compared with results/{args.before} (--before none: with nothing)")
     configs.say_where(path, config_of(name, scene, judged), args.renders, by="judge")
@@ -169,7 +169,7 @@ def splat_files(args):
     if own.is_dir():
         raise ValueError(f"{own}: a folder: SPLAT is the .ply itself")
     place, found = views.photos_of(typed.at_home(args.photos))
-    files = lenses.files_of(typed.at_home(args.cameras))
+    files = camera_files.files_of(typed.at_home(args.cameras))
     return [own, *files, *(place / path for path in found)]
 
 
@@ -324,7 +324,8 @@ def parse(argv=None):
         "--cameras",
         default="",
         help="transforms.json, cameras.json or COLMAP's sparse/0, or the folder of "
-        f"one; else a field of view of {lenses.ASSUMED_DEGREES:.0f} degrees is assumed",
+        f"one; else a field of view of {camera_files.ASSUMED_DEGREES:.0f} degrees is "
+        "assumed",
     )
     parser.add_argument(
         "--depth",

@@ -22,8 +22,7 @@ from alignerf.cli import configs, report
 from alignerf.experiment import check, cluster, layout, plan, sources, steps, targets
 from alignerf.experiment.checks import results
 from alignerf.io import atomic, json_files, machine, progress
-from alignerf.scenes import originals
-from alignerf.scenes.external import views
+from alignerf.judged import originals, views
 
 # By these a keyboard, another process and a terminal that is closed end a run.
 SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)

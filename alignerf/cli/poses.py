@@ -15,10 +15,10 @@ from alignerf.captures import base, typed
 from alignerf.cli import configs, folders
 from alignerf.experiment.checks import results as of_results
 from alignerf.experiment.checks import scenes as of_scenes
-from alignerf.exports import formats, photos, points
+from alignerf.exports import formats, points, written
 from alignerf.io import atomic, faults, owned, provenance
 from alignerf.scenes import prepare, prepared
-from alignerf.sfm import calibration, capture, mistakes
+from alignerf.sfm import calibration, checking, mistakes
 
 log = logging.getLogger("alignerf")
 
@@ -76,7 +76,7 @@ def write_adjusted(name, place, config, args):
         views = mistakes.stated(prepare.sort_by_name(views), config)
         prepared.check_views(config.path, views)
         prepared.check_places(config.path, views)
-        checked = capture.check(views, scratch, config, adjusts=True, lens=True)
+        checked = checking.check(views, scratch, config, adjusts=True, lens=True)
         print(f"{name}: {len(views.names)} photos, {summary(checked.report)}")
         owned.put(place)
         with atomic.replace_folder(place / NAME) as folder:
@@ -115,8 +115,8 @@ def write(folder, scratch, views, checked, config, *, photos_too):
         now = calibration.applied(now, checked.cameras_of(views), where)
     masked = now.masks is not None
     if photos_too:
-        photos.write(folder, now, alpha=config.source == "blender")
-    arrays = photos.arrays_of(now)
+        written.write(folder, now, alpha=config.source == "blender")
+    arrays = written.arrays_of(now)
     model = points.of_matches(arrays, checked, scratch, config.seed)
     formats.write_colmap(folder, model, arrays)
     formats.write_transforms(

@@ -13,7 +13,7 @@ import sys
 import time
 from pathlib import Path
 
-from alignerf.costs import plan
+from alignerf.costs import estimate
 from alignerf.io import atomic, faults, json_files
 from alignerf.scenes import prepared
 from alignerf.training import memory
@@ -43,26 +43,26 @@ def main(argv=None):
     with atomic.replace_file(args.out) as path:
         path.write_text(json.dumps(found, indent=1))
         print(found["said"])
-        plan.check(scene, found, memory.free_host_bytes(), parallel_jobs)
+        estimate.check(scene, found, memory.free_host_bytes(), parallel_jobs)
 
 
 def measured(args, work, parallel_jobs):
-    """What `plan.estimated` says, and the rates that it is from."""
+    """What `estimate.estimated` says, and the rates that it is from."""
     loaded = prepared.load(args.scene)
     counts = (len(loaded.views(split)) for split in ("train", "test"))
-    views = plan.Views(*counts, loaded.width * loaded.height)
-    ours = {one["name"]: plan.job_of(one) for one in work["trainings"]}
-    keys = {name: job and plan.program_of(job) for name, job in ours.items()}
+    views = estimate.Views(*counts, loaded.width * loaded.height)
+    ours = {one["name"]: estimate.job_of(one) for one in work["trainings"]}
+    keys = {name: job and estimate.program_of(job) for name, job in ours.items()}
     programs = {keys[name]: job for name, job in ours.items() if job}
     with concurrent.futures.ThreadPoolExecutor(parallel_jobs) as pool:
         timed = pool.map(lambda job: calibrate(args, job), programs.values())
-        rates = {None: plan.Rates(), **dict(zip(programs, timed, strict=True))}
+        rates = {None: estimate.Rates(), **dict(zip(programs, timed, strict=True))}
     of_each = {name: rates[key] for name, key in keys.items()}
-    found = plan.estimated(work, of_each, views, args.cores, parallel_jobs)
+    found = estimate.estimated(work, of_each, views, args.cores, parallel_jobs)
     return found | {"rates": {name: rate._asdict() for name, rate in of_each.items()}}
 
 
-def calibrate(args, job) -> plan.Rates:
+def calibrate(args, job) -> estimate.Rates:
     """The output of `alignerf.costs.calibrate`, run as a process of its own.
 
     Raises ValueError with the fault of the process, or where the system killed it.
@@ -80,7 +80,7 @@ def calibrate(args, job) -> plan.Rates:
     if done.returncode:
         said = done.stderr.strip().splitlines() or ["timing a training failed"]
         raise ValueError(said[-1].removeprefix("error: "))
-    return plan.Rates(**json.loads(done.stdout.splitlines()[-1]))
+    return estimate.Rates(**json.loads(done.stdout.splitlines()[-1]))
 
 
 if __name__ == "__main__":

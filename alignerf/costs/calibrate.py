@@ -10,7 +10,7 @@ import time
 
 import jax
 
-from alignerf.costs import plan
+from alignerf.costs import estimate
 from alignerf.experiment import jobs
 from alignerf.io import faults, machine
 from alignerf.processes import devices
@@ -40,7 +40,7 @@ def main(argv=None):
     print(json.dumps(rates_of(job, prepared.load(args.scene), started)._asdict()))
 
 
-def rates_of(job, loaded: prepared.Scene, started) -> plan.Rates:
+def rates_of(job, loaded: prepared.Scene, started) -> estimate.Rates:
     """Seconds to start (programs are cached), and of a step; peak in bytes."""
     chosen = loaded.views("train")
     method = compose.make_method(job, loaded)
@@ -55,7 +55,7 @@ def rates_of(job, loaded: prepared.Scene, started) -> plan.Rates:
     checkpoint.digest((params, views))
     start_s = time.time() - started
     step_s = loop.step_time_s(job, built, params, views, max_s=TIMING_S)
-    return plan.Rates(start_s, step_s, machine.peak_bytes())
+    return estimate.Rates(start_s, step_s, machine.peak_bytes())
 
 
 if __name__ == "__main__":

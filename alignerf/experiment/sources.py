@@ -31,7 +31,7 @@ OF_TRAINING = WHOLE_MACHINE if ACCELERATORS else min(max(WHOLE_MACHINE // 2, 1),
 
 # {module: registry}: who imports the module runs the registry's records, which are
 # imported by name.
-RECORDS = {"alignerf.scenes.loading": "alignerf.captures"}
+RECORDS = {"alignerf.colmap.loading": "alignerf.captures"}
 
 # Compiled JAX programs.
 CACHE = Path("results/.jax_cache")

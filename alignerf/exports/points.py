@@ -9,8 +9,8 @@ import logging
 import numpy as np
 import pycolmap
 
-from alignerf.scenes.capture import triangulate
-from alignerf.sfm import calibration, capture
+from alignerf.colmap import triangulate
+from alignerf.sfm import calibration, checking
 
 log = logging.getLogger("alignerf")
 
@@ -61,7 +61,7 @@ def add_tracks(model, found):
 
 
 def of_matches(arrays, checked, work, seed) -> pycolmap.Reconstruction:
-    """COLMAP's model of the arrays, with the points and tracks of `capture.check`.
+    """COLMAP's model of the arrays, with the points and tracks of `checking.check`.
 
     arrays: of the views that were checked, by the cameras that it has found.
     """
@@ -69,7 +69,7 @@ def of_matches(arrays, checked, work, seed) -> pycolmap.Reconstruction:
     if found:
         seen, cameras = found.model, found.cameras
     else:
-        _, seen = capture.triangulated(checked, work, seed)
+        _, seen = checking.triangulated(checked, work, seed)
         cameras = checked.given
     model = triangulate.model_of(arrays)
     # Px of the matches in those of pinholes whose lens was undone.

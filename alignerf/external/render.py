@@ -2,7 +2,7 @@
 
 A job's command writes an image of every view, and their depth if it can; or they lie in
 folders; or, without a job, the scene itself knows what belongs to which view
-(`alignerf.scenes.external`). They are checked and written as `alignerf.render_views`
+(`alignerf.judged`). They are checked and written as `alignerf.render_views`
 writes ours: <view>.png, <view>.npz with depth, and a timing file, in folders with an
 entry for each split.
 """
@@ -19,8 +19,8 @@ import numpy as np
 from alignerf.experiment.checks import placeholders
 from alignerf.external import commands
 from alignerf.io import archives, atomic, faults, images, machine, owned, progress
+from alignerf.judged import depths, layouts, renders, views
 from alignerf.scenes import cameras, distortion, photos, prepared
-from alignerf.scenes.external import depths, layouts, renders, views
 
 log = logging.getLogger("alignerf")
 

@@ -14,7 +14,7 @@ from pathlib import Path
 
 import numpy as np
 
-from alignerf.exports import formats, photos, points, warps
+from alignerf.exports import formats, points, warps, written
 from alignerf.external import commands
 from alignerf.io import atomic, faults, owned
 from alignerf.scenes import prepared
@@ -90,18 +90,18 @@ def write_data(out, scene, *, cameras=None, warped=None, valid=None, seed=0):
     path = Path(cameras or own)
     loaded = prepared.load(scene, cameras)
     prepared.check_images(loaded, range(len(loaded.names)), loaded.folder / "images")
-    views = photos.as_trained(loaded, path)
+    views = written.as_trained(loaded, path)
     if valid:
         views = warps.as_trained(
             views, loaded, warped or loaded.folder / "images", valid
         )
-    moved = photos.has_moved(prepared.read_cameras(own), prepared.read_cameras(path))
+    moved = written.has_moved(prepared.read_cameras(own), prepared.read_cameras(path))
     with (
         atomic.replace_folder(out) as folder,
         atomic.scratch_folder(out.parent, name="points") as work,
     ):
-        masked = photos.write(folder, views, alpha=False)
-        arrays = photos.arrays_of(views)
+        masked = written.write(folder, views, alpha=False)
+        arrays = written.arrays_of(views)
         # Test views stay where they were given: their cameras agree with no others.
         agreeing = np.arange(len(views.names))
         if moved:

@@ -13,7 +13,7 @@ import jinja2
 
 from alignerf.experiment.tables import rows
 from alignerf.io import atomic, faults, provenance
-from alignerf.page import contents, photos, pictures, rig, told
+from alignerf.page import contents, gallery, pictures, rig, told
 
 HERE = Path(__file__).resolve().parent
 # Where a page may lead to: beside the sources, not of another package.
@@ -58,7 +58,7 @@ def render(folder, *, rounds, base, others=None, crops=NOTHING, moved=NOTHING[:2
     rounds: (renders, flow), folders of the reference's test views round by round;
     others: {method: its (renders, flow)}; base: folder of the reference's round 0, with
     renders of training views too, if there are any. crops: of
-    `photos.crops`. moved: who put cameras right, and their cameras.npz.
+    `gallery.crops`. moved: who put cameras right, and their cameras.npz.
     """
     folder, base = Path(folder), Path(base)
     scene, verdict = faults.resolved(folder).name, told.read(folder)
@@ -76,8 +76,8 @@ def render(folder, *, rounds, base, others=None, crops=NOTHING, moved=NOTHING[:2
         verdict=verdict,
         facts=facts,
         summary=told.summary(scene, verdict, facts, export),
-        wheel=pictures.data_uri(photos.wheel(limit_px)),
-        tables=contents.tables(folder, photos.scale(folder)),
+        wheel=pictures.data_uri(gallery.wheel(limit_px)),
+        tables=contents.tables(folder, gallery.scale(folder)),
         origin=contents.origin(folder),
         docs=DOCS and quote(os.path.relpath(DOCS, folder)),
         figures=figures(folder),
@@ -92,12 +92,12 @@ def render(folder, *, rounds, base, others=None, crops=NOTHING, moved=NOTHING[:2
 
 def shown(folder, rounds, others, base, limit_px, verdict, crops, moved):
     """What the page shows of the photos, and what its scripts read."""
-    photo_px, turns = photos.scale(folder), contents.quarter_turns(folder)
+    photo_px, turns = gallery.scale(folder), contents.quarter_turns(folder)
     judged = verdict["evidence"].get("judged")
     whose = judged and "your model"
-    every = photos.shown(folder, rounds, others, base, limit_px, whose)
-    entries = photos.entries(every, limit_px, photo_px)
-    after = photos.afters(every, verdict["tried"], base.parent.name)
+    every = gallery.shown(folder, rounds, others, base, limit_px, whose)
+    entries = gallery.entries(every, limit_px, photo_px)
+    after = gallery.afters(every, verdict["tried"], base.parent.name)
     images = pictures.fitted(every)
     there = [one for one in every if one.key in images]
     data = {
@@ -105,18 +105,18 @@ def shown(folder, rounds, others, base, limit_px, verdict, crops, moved):
         "images": images,
         "layers": list(dict.fromkeys(name for one in every for name in one.layers)),
         "after": after,
-        "opening": photos.opening(there, after) if there else None,
-        "crops": photos.crops(*crops, every),
+        "opening": gallery.opening(there, after) if there else None,
+        "crops": gallery.crops(*crops, every),
         "rig": rig.told(folder, turns, moved[1]),
     }
     return {
         "photos": entries,
         "thumbs": pictures.thumbs(every),
-        "strip": photos.strip(entries, limit_px * photo_px),
+        "strip": gallery.strip(entries, limit_px * photo_px),
         "limit_px": limit_px,
         "photo_px": photo_px,
-        "some": photos.SOME,
-        "full_px": photos.FULL_PX,
+        "some": gallery.SOME,
+        "full_px": gallery.FULL_PX,
         "moved_by": moved[0],
         "size_of": "renders" if judged else "training size",
         "data": data,

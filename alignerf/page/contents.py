@@ -12,8 +12,8 @@ import pandas as pd
 
 from alignerf.experiment import decisions as decided
 from alignerf.io import csv_files, faults, json_files, provenance, yaml_files
+from alignerf.judged import geometry
 from alignerf.scenes import prepared
-from alignerf.scenes.external import geometry
 from alignerf.tables import columns, scores
 
 # What of tables/ it shows; headings and formats are the columns' own.

@@ -13,11 +13,11 @@ import numpy as np
 import pycolmap
 from jaxtyping import Float, UInt8
 
+from alignerf.colmap import mapping, structure
+from alignerf.colmap import triangulate as of_given
 from alignerf.io import faults, progress
-from alignerf.keypoints import adjustment, refine
-from alignerf.scenes import cameras, colmap
-from alignerf.scenes.capture import mapping
-from alignerf.scenes.capture import triangulate as of_given
+from alignerf.keypoints import adjustment, readjustment
+from alignerf.scenes import cameras
 from alignerf.sfm import calibration, pose_error
 from alignerf.sfm.calibration import Cameras
 from alignerf.sfm.matches import Matches
@@ -135,7 +135,7 @@ def again(found: Adjusted, matches, given: Cameras, *, lens, seed, photo_px):
     lens: whether the principal point may move too. photo_px: px of the photo in one of
     the matches.
     """
-    model, told = refine.refine(
+    model, told = readjustment.refine(
         found.model,
         free=found.free,
         more=("focal",) * (not found.free) + ("centre",) * lens,
@@ -147,7 +147,7 @@ def again(found: Adjusted, matches, given: Cameras, *, lens, seed, photo_px):
     try:
         now = in_frame(model, matches, given, cameras_of(model, found.cameras))
     except TooFewError as error:
-        return found, refine.refused(told, str(error))
+        return found, readjustment.refused(told, str(error))
     return now._replace(placed=found.placed, free=told["refined"]), told
 
 
@@ -415,8 +415,8 @@ def cameras_of(model, before: Cameras) -> Cameras:
     for image in model.images.values():
         if image.has_pose:
             view, camera = image.image_id - 1, model.cameras[image.camera_id]
-            poses[view] = colmap.pose_of(image)
-            lenses[view], distortion[view] = colmap.lens(
+            poses[view] = structure.pose_of(image)
+            lenses[view], distortion[view] = structure.lens(
                 camera.model.name, camera.params
             )
     return Cameras(lenses, poses, distortion)
@@ -446,7 +446,10 @@ def with_more(matches: Matches, state: State, model, px, seed):
         camera = camera_of(state, view, size, 1, lens=False)
         found = pycolmap.estimate_and_refine_absolute_pose(xy, xyz, camera, options)
         if found and found["num_inliers"] >= MIN_TRACKS:
-            poses[view], posed[view] = colmap.pose_from(found["cam_from_world"]), True
+            poses[view], posed[view] = (
+                structure.pose_from(found["cam_from_world"]),
+                True,
+            )
             new.append(int(view))
     now = state.cameras._replace(camtoworlds=poses)
     return state._replace(cameras=now, posed=posed), new
@@ -480,7 +483,7 @@ def points_of(model, matches: Matches) -> Points:
             seen[view] = np.array(
                 [ids[p.point3D_id] for p in image.points2D if p.has_point3D()], int
             )
-            errors[view] = colmap.error_px(model, image)
+            errors[view] = structure.error_px(model, image)
     tracks = np.array([point.track.length() for point in points])
     return Points(
         positions=np.array([point.xyz for point in points]).reshape(-1, 3),

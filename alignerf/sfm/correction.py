@@ -13,7 +13,7 @@ from typing import NamedTuple
 import numpy as np
 
 from alignerf.io import faults
-from alignerf.keypoints import refine
+from alignerf.keypoints import readjustment
 from alignerf.scenes import distortion
 from alignerf.sfm import acceptance, bundle, calibration, matches, mistakes, pose_error
 from alignerf.sfm import lens as lens_fit
@@ -166,7 +166,7 @@ class Search(NamedTuple):
         )
         # Matches as they were found have the last word.
         if self.judge(best.cameras, found.cameras).worse:
-            return best, refine.refused(told, "held-out matches lose by it")
+            return best, readjustment.refused(told, "held-out matches lose by it")
         return best._replace(found=found), told
 
     def lens_of(self, cameras):

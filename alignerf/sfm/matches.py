@@ -12,9 +12,9 @@ import pycolmap
 import scipy.sparse
 from jaxtyping import Float, Int
 
+from alignerf.colmap import mapping
 from alignerf.io import archives
 from alignerf.scenes import prepare
-from alignerf.scenes.capture import mapping
 
 # Twice as many features as nearness needs: poses of a hundredth of a degree do.
 MAX_FEATURES = 4096

@@ -11,8 +11,8 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from alignerf.io import faults
+from alignerf.readers import shots
 from alignerf.scenes import cameras, photo_names
-from alignerf.scenes.formats import shots
 from alignerf.sfm import calibration
 
 FLIP = cameras.OPENGL_FROM_OPENCV

@@ -11,9 +11,9 @@ from pathlib import Path
 
 import numpy as np
 
+from alignerf.colmap import mapping
 from alignerf.io import faults, images
 from alignerf.scenes import distortion, photos, prepare
-from alignerf.scenes.capture import mapping
 from alignerf.sfm import calibration, matches
 
 log = logging.getLogger("alignerf")

@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
-from alignerf.cameras import exposure, lens
+from alignerf.cameras import common_flow, exposure
 from alignerf.causes import base as causes
 from alignerf.causes import blur
 from alignerf.io import csv_files, json_files, machine, provenance
@@ -72,7 +72,7 @@ def lens_of(loaded: prepared.Scene, base):
     for view in chosen[places.round().astype(int)]:
         flow_px, valid = seen.read_flow(base, split, loaded.names[view])
         flows.append(np.where(valid[..., None], flow_px, np.nan))
-    shared = lens.of_flows(flows)
+    shared = common_flow.of_flows(flows)
     shift, error = np.array(shared.shift_px), np.array(shared.shift_error_px)
     bend = abs(shared.distortion_px)
     return {

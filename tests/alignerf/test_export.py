@@ -8,9 +8,10 @@ import pytest
 from PIL import Image
 
 from alignerf import export, poses
+from alignerf.colmap import structure
 from alignerf.io import faults
-from alignerf.scenes import cameras, colmap, prepared
-from alignerf.scenes.formats import transforms
+from alignerf.readers import transforms
+from alignerf.scenes import cameras, prepared
 from alignerf.training import batches
 from tools.bench import cases
 
@@ -48,7 +49,7 @@ def test_cameras_come_back_from_transforms_and_from_colmap(scene, moved):
     np.testing.assert_allclose(views.camtoworlds, wanted["camtoworlds"], atol=1e-6)
     model = pycolmap.Reconstruction(out / "sparse" / "0")
     assert len(model.cameras) == 2
-    found = colmap.convert(model, wanted["names"].tolist())
+    found = structure.convert(model, wanted["names"].tolist())
     assert found.names == wanted["names"].tolist()
     np.testing.assert_allclose(
         np.linalg.inv(found.camtopix), wanted["pixtocams"], atol=1e-6

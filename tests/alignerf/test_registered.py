@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from alignerf import poses
-from alignerf.scenes import loading
+from alignerf.colmap import loading
 
 
 def model(registered, left_out, models):

@@ -7,7 +7,7 @@ import pytest
 
 from alignerf.causes import camera, motion, training
 from alignerf.causes.shared import misalignment
-from alignerf.page import photos, told
+from alignerf.page import gallery, told
 from alignerf.tables import effects
 
 # An answer to how long the demo takes, as README gives it.
@@ -188,7 +188,7 @@ def test_the_verdict_that_is_quoted_is_of_the_run_in_the_tables(root):
 
 def test_pages_say_the_scale_of_the_flow_and_that_figures_have_their_own(page_of):
     text = page_of("docs/reference/files.md")
-    assert f"full color is {photos.FULL_PX:g} px" in text
+    assert f"full color is {gallery.FULL_PX:g} px" in text
     assert "rim of its color wheel" in text
     assert f"{misalignment.ALIGNED_PX:g} px, or what the estimator finds" in text
 

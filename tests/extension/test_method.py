@@ -7,7 +7,7 @@ import pytest
 COUNTED = """
 import json, pytest, yaml
 from alignerf import config, methods
-from alignerf.costs import plan as costs
+from alignerf.costs import estimate as costs
 from alignerf.experiment import check, plan, sources, targets
 from alignerf.experiment.tables import rows
 

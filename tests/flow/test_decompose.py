@@ -6,9 +6,9 @@ import numpy as np
 import pandas as pd
 import pytest
 
+from alignerf.courtyard import rays as courtyard_rays
+from alignerf.courtyard import scene as courtyard
 from alignerf.scenes import cameras
-from alignerf.scenes.courtyard import rays as courtyard_rays
-from alignerf.scenes.courtyard import scene as courtyard
 from alignerf.tables import displacement
 from flow import decompose
 from flow.warping import files

@@ -134,8 +134,7 @@ def load(scene, out) -> faults.Capture:
 
 def matched(scene, out):
     """The folder of a capture's matches and points, made where it is not there."""
-    from alignerf.sfm import capture as checking
-    from alignerf.sfm import matches
+    from alignerf.sfm import checking, matches
 
     folder = Path(out) / scene.name / "matched"
     if (folder / "points.npy").is_file():
@@ -179,8 +178,7 @@ def config_of(scene):
 
 def write_scene(folder, case, capture, out):
     """The prepared scene, its poses.json with what matches say of the cameras."""
-    from alignerf.sfm import capture as checking
-    from alignerf.sfm import matches
+    from alignerf.sfm import checking, matches
 
     views = views_of(
         capture.names, capture.photos, capture.pixtocams, capture.camtoworlds

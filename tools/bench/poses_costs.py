@@ -29,11 +29,11 @@ import pandas as pd
 
 from alignerf import poses as stage
 from alignerf.cli import poses as command
+from alignerf.colmap import ingest, mapping
 from alignerf.experiment.checks import scenes as of_scenes
 from alignerf.io import archives, machine, progress
-from alignerf.keypoints import refine
+from alignerf.keypoints import readjustment
 from alignerf.scenes import cameras, prepare
-from alignerf.scenes.capture import ingest, mapping
 from alignerf.sfm import correction, pose_error
 from tools.bench import measure
 
@@ -60,7 +60,7 @@ PARTS = {
     "features": ((mapping, "extract"),),
     "matching": ((mapping, "match"),),
     "poses": ((mapping, "_map"), (correction.Search, "fewest")),
-    "again": ((refine, "refine"),),
+    "again": ((readjustment, "refine"),),
     "export": ((command, "write"), (prepare, "write_views")),
 }
 LINE = "of a case: "

@@ -14,7 +14,7 @@ import pycolmap
 import pytest
 
 from alignerf.cli import judge
-from alignerf.scenes.external import lenses, likeness, splat
+from alignerf.judged import camera_files, likeness, splat
 from alignerf.splats import ply, rasterize
 from tests import judged_cases as cases
 from tests import splat_cases
@@ -48,7 +48,7 @@ def here(tmp_path, monkeypatch):
     data = tmp_path / "DATA"
     lens = {"lens": np.zeros(5)}
     cases.transforms(data / "transforms.json", **lens)
-    cameras = lenses.read(data / "transforms.json")
+    cameras = camera_files.read(data / "transforms.json")
     rng = np.random.default_rng(0)
     table = splat_cases.columns(rng, rest=0, count=3000)
     means = rng.uniform([-3, -3, -6], [4, 3, -4], (3000, 3))

@@ -19,9 +19,9 @@ from unittest import mock
 import numpy as np
 
 from alignerf import poses
+from alignerf.colmap import ingest, video
 from alignerf.io import faults, images
 from alignerf.scenes import photos, prepared
-from alignerf.scenes.capture import ingest, video
 from tools.torture import damage, grown
 
 MAX_MUTATIONS = 3

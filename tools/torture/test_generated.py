@@ -6,8 +6,8 @@ import sys
 
 import pytest
 
+from alignerf.colmap import ingest
 from alignerf.scenes import held_out
-from alignerf.scenes.capture import ingest
 from tools.torture import generated, grown, running
 
 

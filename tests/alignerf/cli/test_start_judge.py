@@ -11,8 +11,7 @@ from alignerf.cli import judge, light
 from alignerf.experiment import check, plan, targets
 from alignerf.experiment.checks import scenes as of_scenes
 from alignerf.io import owned
-from alignerf.scenes import originals
-from alignerf.scenes.external import lenses, views
+from alignerf.judged import camera_files, originals, views
 from tests import judged_cases as cases
 from tests import step_cases
 
@@ -157,9 +156,9 @@ def test_a_model_in_a_folder_is_looked_at(tmp_path):
     model.mkdir(parents=True)
     for name in ("cameras.bin", "images.bin", "points3D.bin", "project.ini"):
         (model / name).write_text("")
-    found = {path.name for path in lenses.files_of(tmp_path)}
+    found = {path.name for path in camera_files.files_of(tmp_path)}
     assert found == {"cameras.bin", "images.bin", "points3D.bin"}
-    assert lenses.files_of(None) == []
+    assert camera_files.files_of(None) == []
 
 
 def test_a_kept_config_of_other_renders_is_no_answer(here, runs):

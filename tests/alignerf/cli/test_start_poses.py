@@ -10,11 +10,11 @@ import numpy as np
 import pytest
 
 from alignerf.cli import poses
+from alignerf.courtyard import scene as courtyard
 from alignerf.exports import formats
 from alignerf.io import faults, images
+from alignerf.readers import colmap_models, transforms
 from alignerf.scenes import cameras
-from alignerf.scenes.courtyard import scene as courtyard
-from alignerf.scenes.formats import colmap_models, transforms
 from alignerf.sfm import mistakes
 
 WIDTH, HEIGHT, VIEWS, PERTURBED_PX = 320, 240, 10, 3.0

@@ -8,7 +8,7 @@ import types
 import pytest
 
 from alignerf.costs import __main__ as costs
-from alignerf.costs import plan
+from alignerf.costs import estimate
 from alignerf.experiment import jobs
 from tests import job_cases as cases
 
@@ -38,7 +38,7 @@ def work():
 
 
 def run(scene, out, found, monkeypatch):
-    root = os.path.dirname(os.path.dirname(os.path.dirname(plan.__file__)))
+    root = os.path.dirname(os.path.dirname(os.path.dirname(estimate.__file__)))
     monkeypatch.setenv("PYTHONPATH", root)
     costs.main(
         [

@@ -2,24 +2,25 @@
 
 import pytest
 
-from alignerf.costs import plan
+from alignerf.costs import estimate
 
-RATES = plan.Rates(start_s=8.0, step_s=0.1, peak_bytes=600)
-VIEWS = plan.Views(train=20, test=4, pixels=1000)
+RATES = estimate.Rates(start_s=8.0, step_s=0.1, peak_bytes=600)
+VIEWS = estimate.Views(train=20, test=4, pixels=1000)
 
 
 def planned(experiment, views=VIEWS, cores=1):
     """(work, what is estimated) of courtyard."""
-    work = plan.of_scene(experiment, "courtyard")
+    work = estimate.of_scene(experiment, "courtyard")
     rates = {
-        one["name"]: RATES if one["job"] else plan.Rates() for one in work["trainings"]
+        one["name"]: RATES if one["job"] else estimate.Rates()
+        for one in work["trainings"]
     }
-    return work, plan.estimated(work, rates, views, cores, cores)
+    return work, estimate.estimated(work, rates, views, cores, cores)
 
 
 def seconds(work, name):
     (one,) = (one for one in work["trainings"] if one["name"] == name)
-    return plan.seconds_of(one, RATES, VIEWS)
+    return estimate.seconds_of(one, RATES, VIEWS)
 
 
 def test_work_lists_what_is_trained_in_an_order_that_runs(demo, experiment_of):
@@ -29,7 +30,7 @@ def test_work_lists_what_is_trained_in_an_order_that_runs(demo, experiment_of):
         "alignerf": {"model": "base", "alignerf": {}},
         "corrected": {"model": "large", "alignerf": {}, "changes": "cameras"},
     }
-    found = plan.of_scene(experiment_of(demo), "courtyard")["trainings"]
+    found = estimate.of_scene(experiment_of(demo), "courtyard")["trainings"]
     after = {one["name"]: one["after"] for one in found}
     assert after == {
         "pretrain/base": [],
@@ -76,7 +77,8 @@ def test_one_way_is_gone_whatever_cores_there_are(demo, experiment_of):
 def test_trainings_of_one_program_are_timed_once(demo, experiment_of):
     work, _ = planned(experiment_of(demo))
     programs = {
-        one["name"]: plan.program_of(plan.job_of(one)) for one in work["trainings"]
+        one["name"]: estimate.program_of(estimate.job_of(one))
+        for one in work["trainings"]
     }
     same = ("mipnerf360/round0", "mipnerf360/round2", "pretrain/base", "aligned/round0")
     assert len({programs[name] for name in same}) == 1
@@ -112,7 +114,7 @@ def test_crops_are_counted_with_the_scene_that_they_judge(demo, experiment_of):
 
 
 # A facade: 25 photos of 1536x1024, 0.1 s for 512 rays, and a budget of two minutes.
-FACADE = plan.Views(train=20, test=5, pixels=1536 * 1024)
+FACADE = estimate.Views(train=20, test=5, pixels=1536 * 1024)
 
 
 def lengths(demo, experiment_of, **training):
@@ -125,22 +127,22 @@ def test_the_least_budget_for_a_verdict_serves_and_less_does_not(demo, experimen
     length = found["length"]
     assert length["epochs"] == pytest.approx(1200 * 512 / FACADE.pixels / 20, rel=0.01)
     with pytest.raises(ValueError, match=r"of 2 min .* --budget-min 31 .* 62 are enou"):
-        plan.check("yard", found, 1e12, 1)
+        estimate.check("yard", found, 1e12, 1)
     for key, epochs in (("least_min", 0.25), ("enough_min", 0.5)):
         again = lengths(demo, experiment_of, budget_min=length[key])
         assert epochs < again["length"]["epochs"] < 1.5 * epochs
-        plan.check("yard", again, 1e12, 1)
+        estimate.check("yard", again, 1e12, 1)
     # Steps are as a config has them.
-    plan.check("yard", lengths(demo, experiment_of, steps=300), 1e12, 1)
+    estimate.check("yard", lengths(demo, experiment_of, steps=300), 1e12, 1)
 
 
 def test_a_plan_that_does_not_fit_is_refused_with_what_to_change(demo, experiment_of):
     found = planned(experiment_of(demo))[1] | {"memory_bytes": 14.5e9}
-    plan.check("yard", found, 17e9, 2)
+    estimate.check("yard", found, 17e9, 2)
     with pytest.raises(ValueError, match=r"yard: .*14\.5 GB.*15\.0 GB.*--cores 1"):
-        plan.check("yard", found, 15e9, 2)
+        estimate.check("yard", found, 15e9, 2)
     with pytest.raises(ValueError, match="smaller model"):
-        plan.check("yard", found, 15e9, 1)
+        estimate.check("yard", found, 15e9, 1)
 
 
 def test_other_programs_are_left_out_which_is_said(demo, experiment_of):

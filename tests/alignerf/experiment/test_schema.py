@@ -12,10 +12,10 @@ import yaml
 from alignerf import config as config_command
 from alignerf import fields
 from alignerf.captures import base
+from alignerf.courtyard import scene as courtyard
 from alignerf.experiment import check
 from alignerf.experiment.keys import config as config_keys
 from alignerf.experiment.keys import key
-from alignerf.scenes.courtyard import scene as courtyard
 from alignerf.systems import mipnerf360
 from flow.estimation import estimate, external
 from flow.warping import warp

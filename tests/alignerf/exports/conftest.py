@@ -4,10 +4,11 @@ import numpy as np
 import pytest
 
 from alignerf import poses
+from alignerf.colmap import loading
+from alignerf.courtyard import scene as courtyard
 from alignerf.experiment.checks import scenes as of_scenes
 from alignerf.io import images
-from alignerf.scenes import loading, prepared
-from alignerf.scenes.courtyard import scene as courtyard
+from alignerf.scenes import prepared
 from tests import export_cases as cases
 
 

@@ -7,8 +7,8 @@ import pytest
 
 from alignerf import export, poses
 from alignerf.io import images
+from alignerf.readers import transforms
 from alignerf.scenes import cameras, prepare, prepared
-from alignerf.scenes.formats import transforms
 from tests import export_cases as cases
 
 

@@ -10,8 +10,8 @@ from scipy.spatial.transform import Rotation
 
 from alignerf import correct_poses
 from alignerf.exports import formats, held_out
+from alignerf.readers import transforms
 from alignerf.scenes import cameras, prepared
-from alignerf.scenes.formats import transforms
 from tests import export_cases as cases
 
 

@@ -5,7 +5,7 @@ import shutil
 
 import numpy as np
 
-from alignerf.exports import photos, readme
+from alignerf.exports import readme, written
 from tests import export_cases as cases
 
 
@@ -60,7 +60,7 @@ def test_the_readme_knows_what_other_programs_take(views):
     names = ["a", "a-1", *"bcdefgh"]
     assert "those that are\nheld out" in readme.of_their_split(names, ["a-1", "h"])
     assert "NOT" in readme.of_their_split(names, ["a", "h"])
-    arrays = photos.arrays_of(views)
+    arrays = written.arrays_of(views)
     assert readme.of_middle(arrays) == ""
     arrays["pixtocams"] = arrays["pixtocams"].copy()
     lens = np.linalg.inv(arrays["pixtocams"][0])

@@ -2,18 +2,18 @@
 
 import pytest
 
-from alignerf.exports import photos
+from alignerf.exports import written
 
 
 def test_a_scene_that_stands_beside_its_crops_is_found_by_its_folder(tmp_path):
     folder = tmp_path / "chair"
     folder.mkdir()
-    assert photos.config_of(None, folder) is None
+    assert written.config_of(None, folder) is None
     path = folder / "config.yaml"
     path.write_text("scenes: {chair: {path: a}, chair_crops: {path: b}}\n")
-    assert photos.config_of(None, folder) == {"path": "a"}
+    assert written.config_of(None, folder) == {"path": "a"}
     path.write_text("scenes: {other: {path: c}}\n")
-    assert photos.config_of(None, folder) == {"path": "c"}
+    assert written.config_of(None, folder) == {"path": "c"}
     path.write_text("scenes: {one: {path: a}, two: {path: b}}\n")
     with pytest.raises(ValueError, match=r"config\.yaml: not the config of one scene"):
-        photos.config_of(None, folder)
+        written.config_of(None, folder)

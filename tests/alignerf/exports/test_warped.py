@@ -5,8 +5,8 @@ import pytest
 
 from alignerf.exports import formats, warps
 from alignerf.io import images
+from alignerf.readers import transforms
 from alignerf.scenes import prepared
-from alignerf.scenes.formats import transforms
 from flow.warping import small, warp
 from tests import export_cases as cases
 

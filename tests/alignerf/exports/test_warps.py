@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from alignerf.alignment import photos, store
+from alignerf.alignment import store, warped
 from alignerf.exports import warps
 from alignerf.io import images
 from alignerf.training import batches
@@ -23,7 +23,7 @@ def test_offsets_on_disk_warp_a_photo_as_the_training_did(tmp_path, rng):
     valid[0, :4] = False
     # Nothing of the second holds; the third is not displaced.
     valid[1], offsets_px[2] = False, 0
-    now = photos.warped(taken, offsets_px, valid, K)
+    now = warped.warped(taken, offsets_px, valid, K)
     store.write_photos(tmp_path, "abc", now, taken, offsets_px, K)
     assert warps.are_known("abc", tmp_path / "valid")
     for i, name in enumerate("abc"):

@@ -5,7 +5,8 @@ from types import SimpleNamespace
 import numpy as np
 import pycolmap
 
-from alignerf.scenes import cameras, colmap
+from alignerf.colmap import structure
+from alignerf.scenes import cameras
 from alignerf.sfm import pose_error
 
 WIDTH, HEIGHT, FOCAL_PX = 320, 240, 300.0
@@ -76,7 +77,7 @@ def model_of(turns, centres, xyz, rng, *, noise_px, middle=None, drift=0.0):
 def error_px(model, turns, centres, xyz):
     """[n] pose error of each view, at the points [m, 3] in front of it."""
     true = cameras_of(turns, centres)
-    poses = [colmap.pose_of(image) for _, image in sorted(model.images.items())]
+    poses = [structure.pose_of(image) for _, image in sorted(model.images.items())]
     lenses = [
         image.camera.calibration_matrix() for _, image in sorted(model.images.items())
     ]

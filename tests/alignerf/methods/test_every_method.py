@@ -10,7 +10,7 @@ import yaml
 
 from alignerf import config as config_command
 from alignerf import methods, testsets
-from alignerf.costs import plan as costs
+from alignerf.costs import estimate as costs
 from alignerf.experiment import check, jobs, plan, sources, targets
 from alignerf.experiment.steps import scenes
 from alignerf.experiment.tables import rows

@@ -6,13 +6,13 @@ import io
 import numpy as np
 from PIL import Image
 
-from alignerf.page import photos, pictures
+from alignerf.page import gallery, pictures
 
 
 def shown(results):
     base = results / "base/round0"
     rounds = [(base / "renders/test", base / "flow/test")]
-    return photos.shown(results, rounds, {}, base, 0.25)
+    return gallery.shown(results, rounds, {}, base, 0.25)
 
 
 def decoded(uri):
@@ -21,7 +21,7 @@ def decoded(uri):
 
 
 def test_crops_are_of_their_photos_and_the_corrected_ones_lie_beside(results, crops):
-    found = photos.crops(*crops, shown(results))
+    found = gallery.crops(*crops, shown(results))
     assert {key: len(entries) for key, entries in found.items()} == {
         "train/05": 2,
         "test/01": 1,
@@ -36,23 +36,23 @@ def test_crops_are_of_their_photos_and_the_corrected_ones_lie_beside(results, cr
 def test_offsets_turn_with_the_photo(results, crops):
     every = [one._replace(turns=1) for one in shown(results)]
     # Right becomes down.
-    assert photos.crops(*crops, every)["test/01"][0]["offset_px"] == [1, 2]
+    assert gallery.crops(*crops, every)["test/01"][0]["offset_px"] == [1, 2]
 
 
 def test_without_corrected_crops_there_is_no_after(results, crops):
-    (entry,) = photos.crops(crops[0], None, None, shown(results))["test/01"]
+    (entry,) = gallery.crops(crops[0], None, None, shown(results))["test/01"]
     assert list(entry["layers"]) == ["photo", "render"]
     assert "offset_px" not in entry
-    assert photos.crops(None, None, None, shown(results)) == {}
+    assert gallery.crops(None, None, None, shown(results)) == {}
 
 
 def test_what_does_not_fit_is_left_out_from_the_end(results, crops, monkeypatch):
     every = shown(results)
-    first = photos.crops(*crops, every[:1])
+    first = gallery.crops(*crops, every[:1])
     size = sum(
         pictures.size_of(uri)
         for entry in first[every[0].key]
         for uri in entry["layers"].values()
     )
-    monkeypatch.setattr(photos, "CROPS_BYTES", size)
-    assert list(photos.crops(*crops, every)) == [every[0].key]
+    monkeypatch.setattr(gallery, "CROPS_BYTES", size)
+    assert list(gallery.crops(*crops, every)) == [every[0].key]

@@ -12,7 +12,7 @@ import pytest
 import alignerf
 from alignerf.io import images, provenance
 from alignerf.page import __main__ as page
-from alignerf.page import photos, pictures
+from alignerf.page import gallery, pictures
 
 EXPORT = provenance.export_command()
 
@@ -297,7 +297,7 @@ def test_renders_that_are_judged_have_no_before_and_no_tables(results):
 
 
 def test_all_parts_together_leave_the_page_under_15_mb():
-    parts = (pictures.MAX_BYTES, pictures.MAX_THUMB_BYTES, photos.CROPS_BYTES)
+    parts = (pictures.MAX_BYTES, pictures.MAX_THUMB_BYTES, gallery.CROPS_BYTES)
     as_text = 4 / 3 * sum(parts)
     # What is left is for tables, figures, arrows and scripts.
     assert as_text < 13.5e6

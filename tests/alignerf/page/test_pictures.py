@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from alignerf.page import photos, pictures
+from alignerf.page import gallery, pictures
 from alignerf.verdict import views
 from flow.figures import drawing
 
@@ -24,12 +24,12 @@ def view(name, flow_px, split="test", why=""):
 def shown(name, image, more=()):
     read = {key: lambda: image for key in ("photo", "render", *more)}
     renders = {"render": "by base"}
-    return photos.Shown(view(name, 0.5), 0, read, renders, pathlib.Path("none.npz"))
+    return gallery.Shown(view(name, 0.5), 0, read, renders, pathlib.Path("none.npz"))
 
 
 def coloured(flow_px, limit_px=0.25):
     valid = np.ones(flow_px.shape[:2], bool)
-    return photos.coloured(flow_px, valid, limit_px)
+    return gallery.coloured(flow_px, valid, limit_px)
 
 
 def decoded(uri):
@@ -130,8 +130,8 @@ def test_small_pictures_are_of_all_photos_and_fit(rng, monkeypatch):
 
 
 def test_a_wheel_is_white_in_its_middle_and_outside():
-    found = photos.wheel(1.0)
-    middle = photos.WHEEL_PX // 2
+    found = gallery.wheel(1.0)
+    middle = gallery.WHEEL_PX // 2
     assert found[middle, middle].min() > 250
     assert (found[0, 0] == 255).all()
     assert found[middle, 2].min() < 60
@@ -144,7 +144,7 @@ def test_a_flow_turns_with_its_image():
     marks = np.zeros((4, 6))
     marks[1, 2], marks[2, 5] = 1, 2
     for turns in range(4):
-        found, seen = photos.turned(flow_px, turns), np.rot90(marks, -turns)
+        found, seen = gallery.turned(flow_px, turns), np.rot90(marks, -turns)
         ((y, x),) = np.argwhere(seen == 1)
         ((y_to, x_to),) = np.argwhere(seen == 2)
         np.testing.assert_array_equal(found[y, x], [x_to - x, y_to - y])
@@ -158,7 +158,7 @@ def test_arrows_are_medians_of_squares_and_none_where_little_is_valid(tmp_path):
     valid[10:, 35:] = False
     np.savez(tmp_path / "a.npz", flow_px=flow_px, valid=valid)
     one = shown("a", None)._replace(flow=tmp_path / "a.npz")
-    found = photos.arrows(one)
+    found = gallery.arrows(one)
     step = found["step"]
     assert (found["size"], step) == ([40, 20], 3)
     across = -(-40 // step)
@@ -166,7 +166,7 @@ def test_arrows_are_medians_of_squares_and_none_where_little_is_valid(tmp_path):
     assert tips[0][0] == [0, 0]
     assert tips[0][-1] == [15, -5]
     assert tips[-1][-1] is None
-    turned = photos.arrows(one._replace(turns=1))
+    turned = gallery.arrows(one._replace(turns=1))
     assert turned["size"] == [20, 40]
     # Right becomes down; up becomes right.
     assert [5, 15] in turned["tips"]
@@ -177,7 +177,7 @@ def test_captions_follow_the_layer_and_say_how_sharp_it_is(rng):
     soft = (photo // 2 + 64).astype(np.uint8)
     one = shown("a", photo)
     one.layers["render"] = lambda: soft
-    found = photos.captions(one, photo_px=4.0)
+    found = gallery.captions(one, photo_px=4.0)
     assert found["render"].startswith("render by base, 2.0 px from the photo, ")
     assert "50 % of the photo's sharpness" in found["render"]
     assert set(found) == {"photo", "render"}

@@ -5,8 +5,8 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
+from alignerf.courtyard import scene as courtyard
 from alignerf.scenes import cameras
-from alignerf.scenes.courtyard import scene as courtyard
 from tests import camera_twins, twins
 
 

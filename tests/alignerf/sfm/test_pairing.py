@@ -11,8 +11,8 @@ from scipy.spatial.transform import Rotation
 from alignerf.captures import mipnerf360, transforms
 from alignerf.experiment.checks import scenes as of_scenes
 from alignerf.io import images
+from alignerf.readers import shots
 from alignerf.scenes import cameras, distortion
-from alignerf.scenes.formats import shots
 from alignerf.sfm import pairing
 
 SIZE = WIDTH, HEIGHT = 256, 192

@@ -1,1 +1,0 @@
-"""Files of cameras and photos as programs and apps write them, read into views."""

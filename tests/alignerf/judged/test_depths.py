@@ -1,0 +1,169 @@
+"""Depth of another program's renders: its files, its kind, its unit."""
+
+import io
+import os
+import resource
+import struct
+import zipfile
+
+import numpy as np
+import pytest
+
+from alignerf.judged import depths
+from alignerf.scenes import cameras
+
+SIZE = (96, 64)
+PIXTOCAM = np.linalg.inv(np.array([[60.0, 0, 48], [0, 60.0, 32], [0, 0, 1]]))
+POSE = np.eye(4)[:3]
+
+
+def surface():
+    """A slanted, waved surface: its depth [h, w]."""
+    y, x = np.indices(SIZE[::-1])
+    return (3 + 0.01 * x + 0.5 * np.sin(y / 9)).astype(np.float32)
+
+
+def points_of(depth, count=400):
+    """Points on the surface, in the world."""
+    rng = np.random.default_rng(0)
+    column, row = rng.integers(0, SIZE[0], count), rng.integers(0, SIZE[1], count)
+    at = np.stack([column + 0.5, row + 0.5, np.ones(count)], -1)
+    rays = at @ PIXTOCAM.T * depth[row, column][:, None]
+    return rays * [1, -1, -1]
+
+
+def test_files_are_called_like_their_views(tmp_path):
+    """Also in folders of splits; what else lies there is none."""
+    for place in ("train/a.npy", "test/b.npz", "train/a.png", "c.npy"):
+        (tmp_path / place).parent.mkdir(exist_ok=True)
+        (tmp_path / place).write_bytes(b"")
+    found = depths.find(tmp_path, ["a", "b"])
+    assert {name: path.name for name, path in found.items()} == {
+        "a": "a.npy",
+        "b": "b.npz",
+    }
+    (tmp_path / "a.npy").write_bytes(b"")
+    with pytest.raises(ValueError, match="both of view a"):
+        depths.find(tmp_path, ["a", "b"])
+
+
+def npy(values):
+    """The bytes of an .npy."""
+    buffer = io.BytesIO()
+    np.save(buffer, values, allow_pickle=True)
+    return buffer.getvalue()
+
+
+def head(shape, kind="<f4"):
+    """The bytes of an .npy whose values are left out."""
+    buffer, content = io.BytesIO(), {"descr": kind, "fortran_order": False}
+    np.lib.format.write_array_header_1_0(buffer, content | {"shape": shape})
+    return buffer.getvalue()
+
+
+def npz(**members):
+    """The bytes of an .npz of these .npy."""
+    buffer = io.BytesIO()
+    with zipfile.ZipFile(buffer, "w", zipfile.ZIP_DEFLATED) as archive:
+        for name, content in members.items():
+            archive.writestr(f"{name}.npy", content)
+    return buffer.getvalue()
+
+
+def encrypted(content):
+    """The bytes of an archive, its members marked as encrypted."""
+    for mark, at in ((b"PK\3\4", 6), (b"PK\1\2", 8)):
+        start = content.index(mark) + at
+        content = content[:start] + b"\1" + content[start + 1 :]
+    return content
+
+
+WHOLE = npy(surface())
+NUMBERS = {
+    "text": b"no depth",
+    "empty": b"",
+    "cut": WHOLE[:-4],
+    "longer": WHOLE + bytes(4),
+    "huge": head((10**6, 10**6)),
+    "larger": head((8193, 8192), "|u1") + bytes(999),
+    "endless": head((10**30, 3)),
+    "negative": head((-2, -3)) + bytes(24),
+    "without a side": head((0, 10**15)),
+    "deep": b"\x93NUMPY\1\0" + struct.pack("<H", 9999) + b"(" * 9999,
+    "objects": npy(np.array([[{}]])),
+    "complex": npy(np.ones((4, 4), complex)),
+    "words": npy(np.array([["a"]])),
+    "of fields": npy(np.zeros((4, 4), [("z", "f4")])),
+    "colours": npy(np.zeros((4, 4, 3))),
+}
+BROKEN = {
+    **{f"{name}.npy": content for name, content in NUMBERS.items()},
+    **{f"{name}.npz": npz(depth=content) for name, content in NUMBERS.items()},
+    "none.npz": WHOLE,
+    "torn.npz": npz(depth=WHOLE)[:-30],
+    "locked.npz": encrypted(npz(depth=WHOLE)),
+    "bare.npz": npz(),
+    "two.npz": npz(a=WHOLE, b=WHOLE),
+    "bomb.npz": npz(depth=head((2**14, 2**13)) + bytes(2**29)),
+}
+
+
+@pytest.mark.parametrize("name", BROKEN)
+def test_broken_files_are_named_before_they_take_memory(tmp_path, name):
+    path = tmp_path / name
+    path.write_bytes(BROKEN[name])
+    before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+    with pytest.raises(ValueError, match=rf"{path}: ") as told:
+        depths.read(path)
+    assert str(told.value).isprintable()
+    assert resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before < 2**17
+
+
+@pytest.mark.usefixtures("ten_seconds")
+@pytest.mark.parametrize("suffix", depths.SUFFIXES)
+def test_a_pipe_is_not_waited_for(tmp_path, suffix):
+    os.mkfifo(tmp_path / f"a{suffix}")
+    with pytest.raises(ValueError, match="not a file"):
+        depths.read(tmp_path / f"a{suffix}")
+
+
+@pytest.mark.parametrize("kind", ["f2", ">f4", "f8", "g", "u1", "<u2", "i8"])
+def test_numbers_of_any_kind_are_depth(tmp_path, kind):
+    values = np.arange(12).reshape(3, 4)
+    for name in ("depth", "z"):
+        np.savez(tmp_path / "a.npz", **{name: values.astype(kind)})
+        np.testing.assert_array_equal(depths.read(tmp_path / "a.npz"), values)
+    others = {"depth": values.astype(kind), "other": values + 1}
+    np.savez(tmp_path / "a.npz", **others)
+    np.testing.assert_array_equal(depths.read(tmp_path / "a.npz"), values)
+
+
+def test_what_is_beyond_float32_is_far_away(tmp_path):
+    np.save(tmp_path / "a.npy", np.array([[1e300, np.nan], [1, 2]]))
+    found = depths.read(tmp_path / "a.npy")
+    np.testing.assert_array_equal(found, [[np.inf, np.nan], [1, 2]])
+
+
+def test_none_there(tmp_path):
+    with pytest.raises(ValueError, match="no folder of depths"):
+        depths.find(tmp_path / "gone", ["a"])
+    with pytest.raises(ValueError, match="no depths"):
+        depths.find(tmp_path, ["a"])
+
+
+def test_coarse_depth_of_points():
+    """Between points it is near that of the surface; hidden points do not count."""
+    depth = surface()
+    points = points_of(depth)
+    behind = points_of(3 * depth, 100)
+    found = depths.of_points(np.concatenate([points, behind]), PIXTOCAM, POSE, SIZE)
+    assert np.abs(found / depth - 1).mean() < 0.1
+    assert np.isinf(depths.of_points(points[:20], PIXTOCAM, POSE, SIZE)).all()
+
+
+def test_points_are_seen_where_they_are():
+    depth = surface()
+    column, row, found = depths.visible(points_of(depth), PIXTOCAM, POSE, SIZE)
+    np.testing.assert_allclose(found, depth[row, column], rtol=1e-5)
+    at, _ = cameras.project(points_of(depth)[:1], PIXTOCAM, POSE)
+    assert 0 <= at[0, 0] < SIZE[0]

@@ -1,0 +1,265 @@
+"""Renders of a splat's own file at the photos' cameras."""
+
+import json
+
+import cv2
+import numpy as np
+import pytest
+
+from alignerf.judged import camera_files, likeness, splat, views
+from alignerf.scenes import photos as decode
+from alignerf.splats import ply, rasterize
+from tests import splat_cases
+from tests.judged_cases import write_png
+
+SIZE = (96, 72)
+NAMES = [f"v{i:02}" for i in range(5)]
+TURN = cv2.Rodrigues(np.array([0.3, -0.5, 0.8]))[0]
+
+
+def similarity(scale=1.0, turn=None, shift=(0, 0, 0)):
+    world = np.eye(4)
+    world[:3, :3] = scale * (np.eye(3) if turn is None else turn)
+    world[:3, 3] = shift
+    return world
+
+
+def columns(rng, world, count=400):
+    """{property: values} of a splat in front of the cameras, in a world of its own."""
+    means = rng.uniform([-2, -1.5, -6], [2, 1.5, -4], (count, 3))
+    table = splat_cases.columns(rng, rest=0, count=count)
+    moved = means @ world[:3, :3].T + world[:3, 3]
+    table |= dict(zip("xyz", moved.T, strict=True))
+    # Balls, which no turn changes.
+    size = np.log(0.12 * splat.scale_of(world))
+    table |= {f"scale_{i}": np.full(count, size) for i in range(3)}
+    return table | {"opacity": np.full(count, 3.0)}
+
+
+@pytest.fixture
+def project(tmp_path):
+    """Photos that a splat shows, their cameras, and what writes it for a world."""
+    frames = []
+    for i, name in enumerate(NAMES):
+        pose = np.eye(4)
+        pose[:3, 3] = [0.3 * i - 0.6, 0.1 * i, 0.2 * i]
+        frames.append({"file_path": f"{name}.png", "transform_matrix": pose.tolist()})
+    keys = {"w": SIZE[0], "h": SIZE[1], "fl_x": 90.0, "fl_y": 91.0, "cx": 47, "cy": 37}
+
+    def write(world, **more):
+        file = tmp_path / "transforms.json"
+        file.write_text(json.dumps(keys | {"frames": frames} | more))
+        rng = np.random.default_rng(3)
+        path = splat_cases.write(tmp_path / "model.ply", columns(rng, world))
+        if not (tmp_path / "photos").is_dir():
+            return path, camera_files.read(file)
+        return path, views.taken(tmp_path / "photos", file)
+
+    path, cameras = write(np.eye(4))
+    for name, shot in zip(NAMES, cameras.shots, strict=True):
+        camera = rasterize.Camera(
+            splat.world_to_camera(shot.pose, np.eye(4)), 90, 91, 47, 37, *SIZE
+        )
+        image = likeness.to_bytes(rasterize.render(ply.read(path), camera).colour)
+        write_png(tmp_path / "photos" / f"{name}.png", image)
+    photos = {name: tmp_path / "photos" / f"{name}.png" for name in NAMES}
+    return write, photos, tmp_path
+
+
+def applied():
+    return [[1, 0, 0, 0], [0, 0, 1, 0], [0, -1, 0, 0]]
+
+
+@pytest.mark.parametrize(
+    ("world", "more", "beside", "says"),
+    [
+        (similarity(), {}, None, "as the cameras'"),
+        (
+            np.linalg.inv(np.vstack([applied(), [0, 0, 0, 1]])),
+            {"applied_transform": applied()},
+            None,
+            "without the cameras' applied_transform",
+        ),
+        (
+            similarity(0.2) @ similarity(1, TURN, (1, 2, 3)),
+            {},
+            {"transform": similarity(1, TURN, (1, 2, 3))[:3].tolist(), "scale": 0.2},
+            "by dataparser_transforms.json",
+        ),
+    ],
+)
+def test_the_world_of_a_splat_is_found_by_the_photos(
+    project, world, more, beside, says
+):
+    """Renders are the photos, and depth is in the unit of the cameras."""
+    write, photos, folder = project
+    if beside:
+        (folder / splat.NERFSTUDIO).write_text(json.dumps(beside))
+    path, cameras = write(world, **more)
+    told = splat.render(path, cameras, folder / "made", [path])
+    assert (told["world"], told["gaussians"]) == (says, 400)
+    for name in NAMES:
+        render = cv2.imread(str(folder / "made" / "rgb" / f"{name}.png"))
+        wanted = cv2.imread(str(photos[name]))
+        # Spheres of colours turn with the world, which degree 0 has not.
+        assert np.abs(render.astype(int) - wanted).max() <= 2
+        depth = np.load(folder / "made" / "depth" / f"{name}.npy")
+        known = depth[np.isfinite(depth)]
+        assert known.size
+        assert (known > 3).all()
+        assert (known < 8).all()
+    assert splat.is_of(folder / "made", [path])
+    path.write_bytes(path.read_bytes() + b" ")
+    assert not splat.is_of(folder / "made", [path])
+
+
+def test_the_cameras_of_its_training_tell_its_world(project):
+    """OpenSplat centres and scales cameras, and writes them beside its .ply."""
+    world = similarity(0.3, TURN, (1, 2, 3))
+    write, photos, folder = project
+    path, cameras = write(world)
+    entries = []
+    for shot in cameras.shots:
+        pose = splat.world_to_camera(shot.pose, world)
+        place = -pose[:, :3].T @ pose[:, 3]
+        entry = {"img_name": f"{shot.name}.png", "width": SIZE[0], "height": SIZE[1]}
+        entry |= {"fx": 90.0, "fy": 91.0, "position": place.tolist()}
+        entries.append(entry | {"rotation": pose[:, :3].T.tolist()})
+    (folder / "cameras.json").write_text(json.dumps(entries))
+    told = splat.render(path, cameras, folder / "made")
+    assert told["world"] == "by the cameras.json of its training"
+    render = cv2.imread(str(folder / "made" / "rgb" / "v03.png")).astype(int)
+    assert np.abs(render - cv2.imread(str(photos["v03"]))).max() <= 2
+    for entry in entries:
+        entry |= {"width": SIZE[0] // 2, "height": SIZE[1] // 2, "fx": 45.0, "fy": 45.5}
+    (folder / "cameras.json").write_text(json.dumps(entries))
+    splat.render(path, cameras, folder / "small")
+    small = cv2.imread(str(folder / "small" / "rgb" / "v03.png"))
+    # As large as the photos that it was trained on.
+    assert small.shape[:2] == (SIZE[1] // 2, SIZE[0] // 2)
+    (folder / "cameras.json").write_text("[{}]")
+    with pytest.raises(ValueError, match="does not show the photos"):
+        splat.render(path, cameras, folder / "again")
+
+
+def test_cameras_of_another_scene_are_refused_in_one_line(project):
+    write, _photos, folder = project
+    path, cameras = write(similarity(turn=TURN, shift=(40, 0, 0)))
+    with pytest.raises(ValueError, match=r"does not show the photos \(likeness"):
+        splat.render(path, cameras, folder / "made")
+    assert not (folder / "made").exists()
+
+
+@pytest.mark.parametrize("axis", range(3))
+def test_a_mirrored_splat_is_refused(project, axis):
+    """Its outline on black is nearly the same."""
+    write, _photos, folder = project
+    world = similarity()
+    world[axis, axis] = -1
+    path, cameras = write(world)
+    said = rf"are mirrored \(as the cameras', mirrored in {'xyz'[axis]}\)"
+    with pytest.raises(ValueError, match=said):
+        splat.render(path, cameras, folder / "made")
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_another_splat_in_the_same_outline_is_refused(project, seed):
+    write, _photos, folder = project
+    path, cameras = write(similarity())
+    rng = np.random.default_rng(100 + seed)
+    splat_cases.write(path, columns(rng, np.eye(4)))
+    with pytest.raises(ValueError, match="does not show the photos"):
+        splat.render(path, cameras, folder / "made")
+
+
+def spoil(photos, noise, alike, change=lambda images: images, seed=0):
+    """Rewrite photos with noise as fine as what is compared, and more in common."""
+    rng = np.random.default_rng(seed)
+    images = np.array([cv2.imread(str(photos[name]))[..., ::-1] for name in NAMES])
+    images = (images + alike * images.mean(axis=0)) / (1 + alike)
+    for name, image in zip(NAMES, change(list(images)), strict=True):
+        grey = cv2.GaussianBlur(rng.normal(size=SIZE[::-1]), (0, 0), 2.5)
+        spoilt = image + noise * (grey / grey.std())[..., None]
+        write_png(photos[name], np.uint8(spoilt.clip(0, 255)))
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_a_poor_splat_is_taken(project, seed):
+    """So trainers make them of cameras that are off."""
+    write, photos, folder = project
+    path, cameras = write(similarity())
+    spoil(photos, 58, 0, seed=seed)
+    told = splat.render(path, cameras, folder / "made")
+    assert likeness.SHOWS < told["likeness"] < likeness.SURE
+    assert told["world"] == "as the cameras'"
+
+
+@pytest.mark.parametrize(("noise", "alike"), [(0, 0), (40, 0), (20, 1)])
+@pytest.mark.parametrize(
+    ("change", "says"),
+    [
+        (
+            lambda images: images[-1:] + images[:-1],
+            r"the camera of v0\d it shows v0\d:",
+        ),
+        (lambda images: [i[:, ::-1] for i in images], "mirrored"),
+        (lambda images: [i[::-1] for i in images], "mirrored"),
+    ],
+)
+def test_photos_of_other_names_or_mirrored_are_named(
+    project, change, says, noise, alike
+):
+    write, photos, folder = project
+    path, cameras = write(similarity())
+    spoil(photos, noise, alike, change)
+    with pytest.raises(ValueError, match=says):
+        splat.render(path, cameras, folder / "made")
+
+
+@pytest.mark.parametrize("off_px", [0, 3])
+@pytest.mark.parametrize(("gain", "gamma"), [(0.4, 1), (1, 0.5), (1, 2), (2, 1)])
+@pytest.mark.parametrize("sigma_px", [0.5, 1.5])
+def test_soft_splats_of_wrong_poses_and_exposures_are_taken(
+    project, off_px, gain, gamma, sigma_px
+):
+    write, photos, folder = project
+    path, cameras = write(similarity())
+    for path_of in photos.values():
+        photo = np.roll(cv2.imread(str(path_of)), off_px, axis=(0, 1)) / 255
+        photo = cv2.GaussianBlur(photo, (0, 0), sigma_px) ** gamma * gain
+        write_png(path_of, likeness.to_bytes(photo[..., ::-1]))
+    assert splat.render(path, cameras, folder / "made")["likeness"] > 0.5
+
+
+def test_a_splat_of_cut_outs_is_rendered_before_their_background(project):
+    """NeRF's synthetic scenes are trained before white."""
+    write, photos, folder = project
+    path, cameras = write(similarity())
+    for shot in cameras.shots:
+        view = splat.View(shot)
+        made = view.render(ply.read(path), np.eye(4), SIZE[0])
+        straight = made.colour / np.maximum(made.alpha, 1e-6)[..., None]
+        cut_out = np.concatenate([straight, made.alpha[..., None]], axis=-1)
+        write_png(shot.photo, likeness.to_bytes(cut_out))
+    with pytest.raises(ValueError, match=r"v00\.png has transparent pixels"):
+        splat.render(path, cameras, folder / "made")
+    for background in ("white", "black"):
+        place = folder / background
+        told = splat.render(path, cameras, place, [path], background)
+        assert told["likeness"] > 0.95
+        assert splat.is_of(place, [path], background)
+        assert not splat.is_of(place, [path])
+        for name, photo in photos.items():
+            render = cv2.imread(str(place / "rgb" / f"{name}.png"))[..., ::-1]
+            wanted = decode.as_stored(photo, background).astype(int)
+            # Straight colours over 1 are cut.
+            assert np.abs(render - wanted).mean() < 0.5
+
+
+def test_a_similarity_that_is_none_is_named(project):
+    write, _photos, folder = project
+    path, cameras = write(similarity())
+    told = {"transform": [[0, 0, 0, 0]] * 3, "scale": 1}
+    (folder / splat.NERFSTUDIO).write_text(json.dumps(told))
+    with pytest.raises(ValueError, match=r"transforms\.json: 'transform' and"):
+        splat.render(path, cameras, folder / "made")
