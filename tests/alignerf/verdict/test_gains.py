@@ -66,7 +66,7 @@ def name_of(experiment, row):
     """By what its record says of it, whatever a user calls it."""
     method = experiment.methods[row.method]
     rounds = "" if not row.round else f" {scores.warping(row.round)}"
-    changed = "cameras corrected" if method.get("changes") == "cameras" else "warped"
+    changed = "cameras corrected" if method.changes == "cameras" else "warped"
     words = methods.of_method(method).words(experiment, row.method)
     said = words * methods.of_method(method).in_loop
     return ", ".join([row.method, *[changed + rounds] * bool(rounds), *said])
