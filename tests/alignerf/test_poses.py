@@ -141,6 +141,7 @@ def test_runs_are_identical_and_replace_what_was_there(courtyard, tmp_path):
     np.testing.assert_array_equal(first["camtoworlds"], second["camtoworlds"])
 
 
+@pytest.mark.whole
 def test_courtyard_through_colmap(tmp_path):
     """A small courtyard, photographed densely enough for COLMAP."""
     config = {

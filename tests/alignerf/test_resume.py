@@ -141,6 +141,7 @@ def test_a_resumed_training_compiles_once(folder, in_four, compiled, caplog):
     assert "other rounding" not in caplog.text
 
 
+@pytest.mark.whole
 def test_micro_batches_that_no_longer_fit_are_said(
     folder, in_four, compiled, monkeypatch, caplog
 ):
