@@ -25,7 +25,7 @@ sys.path.insert(0, workflow.basedir)
 from snakemake.cli import get_argument_parser
 from snakemake.utils import min_version
 
-from alignerf.costs import plan as costs
+from alignerf.costs import estimate as costs
 from alignerf.experiment import (
     asked,
     check,

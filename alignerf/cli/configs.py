@@ -159,10 +159,11 @@ def read(path):
 
 def can_export(scene):
     """Whether a scene of a config may have an export; what is wrong is said later."""
-    is_known = isinstance(scene, dict) and scene.get("source") in [*base.every()]
-    return not is_known or base.every()[scene["source"]].can_export(
-        of_scenes.checked(scene)
-    )
+    try:
+        checked = of_scenes.checked(scene)
+    except ValueError:
+        return True
+    return base.of(checked).can_export(checked)
 
 
 def say_where(path, config, folder, *, by="photos"):

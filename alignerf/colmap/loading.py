@@ -183,5 +183,5 @@ def check_registered(model, least, where):
         raise ValueError(
             f"{where}: COLMAP registered {len(model.names)} of {count} photos together"
             f"{apart}. Take more photos that overlap, sort out those of other places, "
-            "or lower structure.min_registered"
+            "or lower colmap.min_registered"
         )

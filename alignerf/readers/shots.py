@@ -210,7 +210,7 @@ def at(root, name):
     """The file at the place that a name says, or None; none outside of the root."""
     # By name, not resolved: a link inside the folder is the user's own decision.
     plain = posixpath.normpath(name.replace("\\", "/"))
-    if plain.startswith(("../", "/")):
+    if plain.startswith((f"{os.pardir}/", "/")):
         return None
     bare = plain.lower().endswith(tuple(photo_names.SUFFIXES))
     for suffix in SUFFIXES[: 1 if bare else None]:
@@ -244,13 +244,18 @@ def names_in(folder):
 def without_copies(where, found):
     """The shots, of equal ones of one photo the first, which is said.
 
-    A file may be linked under two names. Raises ValueError naming two that differ.
+    A file may be linked under two names. Raises ValueError naming two that differ, or
+    of which one is trained on and one is scored.
     """
     first, twice = {}, []
     for shot in found:
         other = first.setdefault(held_out.identity(shot.photo), shot)
         if other is shot:
             continue
+        of_split = {one.split: one.photo for one in (other, shot)}
+        if of_split.keys() == {"train", "test"}:
+            both = held_out.told(of_split, ("train", "test"))
+            raise ValueError(f"{where}: {both}, are one file. {held_out.SO}")
         size = shot.size or photos.head(shot.photo).size
         of_both = [(s.pose, *s.of_size(size), s.size or size) for s in (other, shot)]
         if not all(map(np.array_equal, *of_both)):

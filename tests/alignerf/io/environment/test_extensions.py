@@ -24,7 +24,6 @@ class Keys(base.System):
     kind: Literal[{0!r}] = key({0!r})
     near: float = key(1.0)
     samples: list[int] = key([2])
-    training: dict = base.changes()
 
     def made(self, parts, **options):
         return None
