@@ -10,12 +10,11 @@ DATA = {
     "alignerf": ["py.typed"],
     "alignerf.kernels": ["*.cc", "*.h"],
     "alignerf.splats": ["*.cc"],
-    "alignerf.page": ["**/*.html", "**/*.css", "**/*.js", "vendor/*"],
+    "alignerf.page": ["**/*.html", "**/*.css", "**/*.js", "*.yaml", "vendor/*"],
     "alignerf.tables": ["*.yaml"],
     "alignerf.testsets": ["*.yaml"],
     PIPELINE: [
         *("Snakefile", "environment.yml", "results/published/*.csv"),
-        "docs/measured/verdicts.csv",
         "profiles/*/config.yaml",
         *(
             f"workflow/**/*.{kind}"

@@ -25,15 +25,15 @@ TEXTS = (
 TEXTS = dict.fromkeys(re.findall(r"\w+", TEXTS), str)
 
 
-def read(path, *, columns=(), sep=",", head=0):
+def read(path, *, columns=(), sep=","):
     """A table with rows, `columns` among its columns, and numbers where they belong.
 
-    Names stay text. An empty cell is no number. head: lines before the table, as of
-    docs/measured. Raises ValueError naming the file, and the column, for anything else.
+    Names stay text. An empty cell is no number. Raises ValueError naming the file, and
+    the column, for anything else.
     """
     if path is None:
         raise ValueError("no table is given")
-    text = faults.text(path).split("\n", head)[-1]
+    text = faults.text(path)
     try:
         lengths = [len(row) for row in csv.reader(io.StringIO(text), delimiter=sep)]
         if len(lengths := [one for one in lengths if one]) < 2:

@@ -3,16 +3,19 @@
 From verdict.json, which holds what `alignerf.verdict.report` tells.
 """
 
+from pathlib import Path
+
 from alignerf import testsets
-from alignerf.io import csv_files, json_files, provenance
+from alignerf.io import json_files, yaml_files
 from alignerf.verdict import kinds, report
 
 # A level's sign, which tells it without colours.
 SIGNS = dict(zip(report.LEVELS, ("\u2715", "!", "\u2713", "?"), strict=True))
 # Of fixes: those that pay, those that harm, others.
 KINDS = {"ok": "\u2713", "faulty": "\u2715", "unclear": "\u2013"}
-# Of verdicts on planted faults, each by limits that were fitted on other captures.
-ACCURACY = provenance.PIPELINE / "docs" / "measured" / "verdicts.csv"
+# Of verdicts on planted faults, each by limits that were fitted on other captures: made
+# by `make docs` of docs/measured/verdicts.csv.
+ACCURACY = Path(__file__).with_name("accuracy.yaml")
 # A bar that is longer than the page is none the longer.
 LARGEST = 10.0
 # Of an interval so wide a hundredth says nothing.
@@ -33,16 +36,12 @@ def read(folder):
 
 def how_right():
     """How far the verdict is to be trusted, in two sentences."""
-    columns = ("capture", "read_as", "first", "first_of", "false_each")
-    table = csv_files.read(ACCURACY, columns=columns, head=5)
-    table = table[table["read_as"] == "its renders"].set_index("capture")
-    captures = table.drop("all").itertuples()
-    each = ", ".join(f"{row.Index} {row.first} of {row.first_of}" for row in captures)
+    table = yaml_files.read(ACCURACY)
+    each = ", ".join(f"{name} {n} of {of}" for name, (n, of) in table["first"].items())
     return (
         "How often it is right: of faults planted in captures, the planted cause was "
         f"named first in {each}, by limits that were fitted without the capture. "
-        f"{table.loc['all', 'false_each']:.2f} causes per verdict were named and not "
-        "there."
+        f"{table['false_each']:.2f} causes per verdict were named and not there."
     )
 
 

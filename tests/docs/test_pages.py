@@ -39,6 +39,8 @@ def copy(root, tmp_path):
     shutil.copytree(root / "docs", tmp_path / "docs")
     for name in ("README.md", "Makefile", "Snakefile"):
         shutil.copy(root / name, tmp_path)
+    (tmp_path / tables.ACCURACY).parent.mkdir(parents=True)
+    shutil.copy(root / tables.ACCURACY, tmp_path / tables.ACCURACY)
     return tmp_path
 
 

@@ -4,6 +4,7 @@ A page says `<!-- table: NAME -->`, and `<!-- end -->` below it. What is between
 written anew from docs/measured/NAME.csv, as NAME says in docs/measured/tables.yaml.
 `<!-- list: test_sets -->` lists the program's test sets; `<!-- output: NAME -->` quotes
 docs/outputs/NAME.txt, a text that the program has printed.
+alignerf/page/accuracy.yaml follows docs/measured/verdicts.csv.
 --check writes nothing: it names each page and table that differ, and exits with 1.
 """
 
@@ -21,6 +22,8 @@ import yaml
 from alignerf import testsets
 
 MEASURED = "docs/measured"
+# What the program itself tells of them.
+ACCURACY = "alignerf/page/accuracy.yaml"
 KINDS = "table|list|output"
 MARK = re.compile(rf"(<!-- ({KINDS}): ([\w.]+) -->\n)(.*?)(<!-- end -->)", re.DOTALL)
 # Of a quoted line, in characters.
@@ -43,7 +46,34 @@ def main(argv=None):
         different |= bool(changed)
         if changed and not args.check:
             page.write_text(made)
+    if (path := args.root / ACCURACY).read_text() != (text := accuracy(args.root)):
+        different = True
+        if args.check:
+            print(f"{ACCURACY} is not as docs/measured/verdicts.csv says")
+        else:
+            path.write_text(text)
     return int(args.check and different)
+
+
+def accuracy(root):
+    """How often verdicts on renders were right, as the page tells it."""
+    table = pd.read_csv(root / "docs/measured/verdicts.csv", comment="#")
+    table = table[table["read_as"] == "its renders"].set_index("capture")
+    lines = [
+        f"  {row.Index}: [{row.first}, {row.first_of}]"
+        for row in table.drop("all").itertuples()
+    ]
+    return "\n".join(
+        [
+            "# Made by `make docs` of docs/measured/verdicts.csv.",
+            "# Of each capture's verdicts: [the planted cause came first, of].",
+            "first:",
+            *lines,
+            "# Causes a verdict that nobody planted.",
+            f"false_each: {table.loc['all', 'false_each']}",
+            "",
+        ]
+    )
 
 
 def pages(root):

@@ -100,7 +100,9 @@ def test_a_photo_by_two_names_in_a_transforms_json_is_one_view(tmp_path):
         assert arrays["names"].tolist() == ["0", "1", "2", "3"]
     content["frames"][4] = frame("4.png", 4)
     (folder / "transforms.json").write_text(json.dumps(content))
-    with pytest.raises(ValueError, match=r"json: one photo at two poses: 0 and 4"):
+    with pytest.raises(
+        ValueError, match=r"json: one photo at two poses: 0\.png and 4\.png"
+    ):
         prepare_scene(config | {"test_every": 4}, tmp_path)
 
 
