@@ -12,7 +12,7 @@ from alignerf.io import faults
 # Columns of numbers, told by their units.
 NUMBERS = re.compile(
     r"(^|_)(value|db|px|s|deg|ev|share|fraction|ratio|pixels|params|params_m|steps|rays_seen|hours)$"
-    r"|(^|_)(ssim|lpips|lpips_\w+|times|epochs)$"
+    r"|(^|_)(ssim|lpips|lpips_\w+|times|epochs|round)$"
 )
 
 # Names: a photo may be called NA or 0042, a method 1, and a hash may have digits alone.

@@ -36,6 +36,8 @@ def read(scene, table=""):
     """
     path = Path(scene) / table / "scores.csv"
     long = csv_files.read(path, columns=columns.names("scores"))
+    if (long["view"].isna() != long["test_set"].isna()).any():
+        raise ValueError(f"{path}: a score is of a view and a test set, a cost of none")
     rows = read_trainings(scene, table).dropna(subset="method")[[*ROW, *NAMES]]
     rows = rows.astype({"round": int}).assign(scene=Path(scene).name)
     costs = long[long["test_set"].isna()]

@@ -225,3 +225,13 @@ def test_a_summary_is_that_of_a_loop(rng, case):
             ends = line["difference_low_db"], line["difference_high_db"]
             own = line["difference_db"]
             assert np.isnan(ends).all() or ends[0] <= own <= ends[1]
+
+
+@pytest.mark.parametrize("column", ["round", "test_set", "value"])
+def test_a_cost_with_a_cell_that_is_none_of_a_cost_names_the_file(scene, column):
+    path = scene / "scores.csv"
+    table = pd.read_csv(path, dtype=str)
+    table.loc[table["test_set"].isna().idxmax(), column] = "nan"
+    table.to_csv(path, index=False)
+    with pytest.raises(ValueError, match=f"{scene}/scores.csv: "):
+        frame.read(scene)
