@@ -39,11 +39,6 @@ TYPED = "ALIGNERF_TYPED"
 CHANGES = ("status", "--porcelain", "--untracked-files=no")
 
 
-def path_beside(table):
-    """The file of a table's provenance."""
-    return Path(table).with_suffix(".provenance.json")
-
-
 def as_json(described):
     """The content of a provenance file; described: as of `describe`."""
     return json.dumps(described, indent=2) + "\n"

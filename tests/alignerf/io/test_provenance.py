@@ -126,11 +126,6 @@ def test_a_config_that_is_none_is_named(tmp_path, text):
     assert "\n" not in str(told.value)
 
 
-def test_it_lies_beside_its_table():
-    found = provenance.path_beside("results/yard/tables/misalignment.csv")
-    assert str(found) == "results/yard/tables/misalignment.provenance.json"
-
-
 def test_the_processor_has_a_name():
     assert provenance.processor().strip()
 
