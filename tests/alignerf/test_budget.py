@@ -127,6 +127,7 @@ def test_a_state_of_other_steps_is_not_taken(
     assert found == cases.run(folder, tmp_path / "fresh", with_budget())
 
 
+@pytest.mark.whole
 def test_it_ends_in_time(folder, tmp_path, monkeypatch):
     """Within a fifth and a second, where steps take what a larger model's would."""
 

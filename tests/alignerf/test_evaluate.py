@@ -264,6 +264,7 @@ def test_what_is_missing_is_named_and_nothing_written(folder, path, reason):
     assert not (folder / "metrics.csv").exists()
 
 
+@pytest.mark.whole
 def test_the_networks_whose_weights_are_given(folder, shared_data):
     nets = ("alex", "squeeze")
     paths = [shared_data / "weights" / f"lpips_{net}_v0.1.npz" for net in nets]

@@ -79,6 +79,7 @@ def test_another_job_does_not_resume(
 BY_JAX = cases.JOB | {"training": cases.JOB["training"] | {"kernels": "jax"}}
 
 
+@pytest.mark.whole
 def test_micro_batches_where_memory_is_short(folder, tmp_path, monkeypatch, caplog):
     """A resumed training keeps those that it began with, and so its every bit."""
     caplog.set_level("INFO", "alignerf")

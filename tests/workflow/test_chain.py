@@ -5,6 +5,7 @@ import re
 import shutil
 
 import numpy as np
+import pytest
 import yaml
 
 from tests.workflow import chain_checks as chain
@@ -140,6 +141,7 @@ def changed(output):
     return found
 
 
+@pytest.mark.whole
 def test_the_whole_chain(tmp_path, root, forked, subtests, monkeypatch):
     project = tmp_path / "a project"
     for name in ("alignerf", "flow", "workflow"):

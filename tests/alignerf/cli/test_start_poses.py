@@ -123,6 +123,7 @@ def test_right_poses_stay(scan, photographed, tmp_path, capsys):
     assert [path.name for path in out.glob("[!.]*")] == ["report.json"]
 
 
+@pytest.mark.whole
 def test_a_mistake_of_the_file_is_named_and_undone(
     scan, photographed, tmp_path, capsys
 ):

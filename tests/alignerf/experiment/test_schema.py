@@ -107,6 +107,7 @@ def test_bounds_that_the_program_counts_on(editors):
     assert rounds["maximum"] == 16
 
 
+@pytest.mark.whole
 def test_editors_take_every_config_of_ours(editors, root):
     configs = sorted((root / "workflow/config").rglob("*.yaml"))
     assert len(configs) > 10

@@ -42,6 +42,7 @@ def flow_path(tmp_path):
     return path
 
 
+@pytest.mark.whole
 def test_a_zip_bomb_is_refused_by_its_head(flow_path, rng):
     damage.NPZ_WAYS["a zip bomb"](flow_path, rng)
     before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss

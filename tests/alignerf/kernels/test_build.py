@@ -56,6 +56,7 @@ def test_nothing_is_made_where_it_is_not_wanted(anew, monkeypatch):
     assert not anew.exists()
 
 
+@pytest.mark.whole
 def test_it_lies_beside_the_compiled_programs(anew, monkeypatch, tmp_path):
     monkeypatch.setenv("JAX_COMPILATION_CACHE_DIR", str(tmp_path / "programs"))
     if build.library() is None:

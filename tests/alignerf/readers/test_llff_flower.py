@@ -64,6 +64,7 @@ def median_sampson_px(views, camtoworlds, matches):
     return np.array(medians)
 
 
+@pytest.mark.whole
 def test_flower_is_seen_consistently(flower):
     """0.18, 0.28, 0.36 px of 167 to 227 matches; with axes mistaken 6 px and more."""
     _, views, matches = flower
@@ -81,6 +82,7 @@ def test_flower_is_seen_consistently(flower):
         assert median_sampson_px(views, wrong, matches).min() > 4, name
 
 
+@pytest.mark.whole
 def test_flower_is_in_front_of_its_cameras(flower):
     """Which epipolar lines do not say: most matches meet before both cameras."""
     _, views, matches = flower
@@ -99,6 +101,7 @@ def test_flower_is_in_front_of_its_cameras(flower):
             assert (depth > 0).mean() > 0.9
 
 
+@pytest.mark.whole
 def test_flower_needs_its_lens(flower, tmp_path):
     """As taken, matches are 0.20, 0.36 and 0.39 px off, and 4 px at the corners."""
     folder, views, matches = flower

@@ -468,6 +468,7 @@ def test_many_frames_without_an_image_take_seconds(scene):
     assert time.process_time() - started < 20
 
 
+@pytest.mark.whole
 def test_fox(shared_data):
     views, left_out = transforms.read(shared_data / "scenes" / "fox")
     assert len(views.names) == 50

@@ -322,6 +322,7 @@ print(*image.shape, re.search(r"VmHWM:\\s+(\\d+)", open("/proc/self/status").rea
 """
 
 
+@pytest.mark.whole
 def test_the_largest_photo_takes_less_than_two_gigabytes(tmp_path, root):
     Image.new("RGB", (13000, 13000), (9, 8, 7)).save(tmp_path / "a.png")
     command = [sys.executable, "-c", DECODE, str(tmp_path / "a.png")]
