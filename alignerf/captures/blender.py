@@ -31,8 +31,8 @@ class Blender(posed.Posed):
         folder, found, lost = Path(scene.path), [], []
         for split in SPLITS:
             path = folder / f"transforms_{split}.json"
-            own = transforms.cameras_of(path, split_by_lists=False)
-            found += [shot._replace(split=split) for shot in own.shots]
+            own = transforms.cameras_of(path, split=split)
+            found += own.shots
             lost += own.left_out
         try:
             own = own._replace(where=folder, shots=found, left_out=lost)

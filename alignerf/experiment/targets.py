@@ -154,8 +154,6 @@ def verdicts(scenes, export="", results="results"):
     return lines
 
 
-# Of a name that is meant and one that is typed, from 0 to 1.
-LIKENESS = 0.7
 # What Snakemake says of Ctrl-C, and of SIGTERM.
 STOPPED = "Terminating processes on user request"
 AS_ASKED = "stopped, as asked."

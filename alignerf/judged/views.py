@@ -19,7 +19,7 @@ from alignerf.io import faults, images, json_files
 from alignerf.judged import camera_files, depths, geometry, layouts, renders
 from alignerf.judged import splat as splats
 from alignerf.readers import colmap_models, shots
-from alignerf.scenes import photo_names, photos, prepare, prepared
+from alignerf.scenes import held_out, photo_names, photos, prepare, prepared
 
 log = logging.getLogger("alignerf")
 
@@ -83,7 +83,7 @@ def find(config) -> ExternalRenders:
             raise ValueError(f"{pair.render.path}: this render is the photo itself")
     told = {
         "layout": found.layout,
-        "held_out": held_out(every, found.renders, cameras),
+        "held_out": held_out_by(every, found.renders, cameras),
         "cameras": cameras.kind,
         "without_render": without,
         "of_other_size": sorted(odd),
@@ -91,7 +91,7 @@ def find(config) -> ExternalRenders:
     return ExternalRenders(pairs, size, cameras, told)
 
 
-def held_out(every, found, cameras):
+def held_out_by(every, found, cameras):
     """How it is known which views were held out, in words; None where it is not."""
     if every:
         return f"one in {every} by name, as was said"
@@ -112,6 +112,10 @@ def taken(folder, file=None, apart=None):
     if apart:
         others = [p for p in paths if not (place / p).is_relative_to(apart)]
         paths = others or paths
+    if not file:
+        # Of a photo that is linked twice both would have the same pose.
+        once = {held_out.identity(place / path): path for path in reversed(paths)}
+        paths = sorted(once.values())
     own = camera_files.read(file) if file else camera_files.assumed(paths)
     return shots.placed(own, [place], among=paths, partial=True)
 

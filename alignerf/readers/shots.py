@@ -280,9 +280,7 @@ def sized(where, found, root=None):
     smaller = SMALLER.fullmatch(Path(root).name) if root else None
     n, sizes = int(smaller[1]) if smaller else 1, []
     for shot, head in zip(found, heads, strict=True):
-        alike = any(
-            prepare.has_shape(one, usual) for one in (head.size, head.size[::-1])
-        )
+        alike = prepare.has_shape(head.size, usual) or head.lies_as(usual)
         own = head.size if shot.is_own and not alike else usual
         sizes.append(shot.size or tuple(n * side for side in own))
     lenses = [shot.of_size(size) for shot, size in zip(found, sizes, strict=True)]

@@ -48,15 +48,13 @@ FILE = SHARED | {
 }
 
 
-def read(
-    path, background=None, *, images=None, split_by_lists=True, masks=None, choose=None
-):
+def read(path, background=None, *, images=None, masks=None, choose=None):
     """(prepare.PosedViews, names of photos without a camera) of a json or its folder.
 
-    background: as of `photos.decode`. images, choose: as of `placed`. split_by_lists:
-    as of `cameras_of`. masks: a folder of them, for a file that names none.
+    background: as of `photos.decode`. images, choose: as of `placed`. masks: a folder
+    of them, for a file that names none.
     """
-    own = cameras_of(path, split_by_lists=split_by_lists)
+    own = cameras_of(path)
     own = placed(own, own.where.parent, images, choose)
     return shots.views_of(own, background=background, masks=masks), own.left_out
 
@@ -87,20 +85,23 @@ def placed(own, folder, images=None, choose=None) -> shots.Cameras:
     return own._replace(shots=kept, left_out=sorted([*own.left_out, *names]))
 
 
-def cameras_of(path, *, split_by_lists=True) -> shots.Cameras:
+def cameras_of(path, *, split=None) -> shots.Cameras:
     """The cameras of a json, or of a folder's transforms.json.
 
-    split_by_lists: the file's own lists say which views are held out. Raises ValueError
-    with one line that names the file and the key or frame.
+    split: of all frames; None: as the file's own lists say. Raises ValueError with one
+    line that names the file and the key or frame.
     """
     path = Path(path)
     path = path / NAME if path.is_dir() else path
     scene = json_files.read(path, FILE)
-    splits = splits_of(path, scene) if split_by_lists else {}
+    splits = {} if split else splits_of(path, scene)
     found, lost = [], []
     for frame in scene["frames"]:
         name = frame["file_path"]
+        of_frame = split or splits.get(name)
         if is_lost(frame):
+            if of_frame == "test":
+                raise ValueError(f"{path}: {told(frame)} is to be scored, without pose")
             lost.append(name)
             continue
         where = f"{path}: {told(frame)}"
@@ -118,7 +119,7 @@ def cameras_of(path, *, split_by_lists=True) -> shots.Cameras:
                 size or None,
                 is_own={"fl_x", "cx"} <= frame.keys(),
                 mask=frame.get("mask_path"),
-                split=splits.get(name),
+                split=of_frame,
             )
         )
     if lost:

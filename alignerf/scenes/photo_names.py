@@ -124,7 +124,7 @@ def view_names(paths):
     names, depth = {}, {path: 1 for path in paths}
     while True:
         for path in paths:
-            parts = PurePosixPath(path).with_suffix("").parts
+            parts = PurePosixPath(os.path.splitext(path)[0]).parts
             names[path] = "_".join(parts[-depth[path] :])
         times = collections.Counter(names.values())
         deeper = [

@@ -33,7 +33,7 @@ TIMES, BETWEEN = np.geomspace(0.5, 2, 57), np.geomspace(0.975, 1.025, 21)
 def choose(where, shots, folders):
     """(index of the folder, shots) that matches fit best; of those alike, the first.
 
-    shots: `formats.shots.Shot`s of the file `where`, sized; folders: {name: path} each.
+    shots: `readers.shots.Shot`s of the file `where`, sized; folders: {name: path} each.
     What comes back may have no distortion: then the photos are undistorted already.
     Nothing is matched where a pinhole has one folder.
     """

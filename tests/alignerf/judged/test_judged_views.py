@@ -360,6 +360,8 @@ def test_photos_in_folders_are_found_by_their_paths(tmp_path, caplog, where, inn
 def test_without_cameras_folders_are_part_of_a_view_s_name(tmp_path):
     names = ["cam0/1", "cam1/1", "cam1/2"]
     cases.photos(tmp_path / "photos", names)
+    # A link is no second photo.
+    (tmp_path / "photos" / "cam1" / "z.png").symlink_to("2.png")
     found = views.taken(tmp_path / "photos").shots
     assert [shot.name for shot in found] == ["cam0_1", "cam1_1", "2"]
 

@@ -140,6 +140,12 @@ def test_frames_without_a_photo_are_named(scene):
     views, left_out = read(scene, "white")
     assert left_out == ["r_1"]
     assert len(views.names) == 4
+    path = scene / "transforms_test.json"
+    path.write_text((text := path.read_text()).replace("[[1.0", "[[NaN", 1))
+    assert path.read_text() != text
+    with pytest.raises(ValueError, match=r"is to be scored, without pose"):
+        read(scene, "white")
+    path.write_text(text)
     (scene / "test" / "r_0.png").unlink()
     with pytest.raises(ValueError, match=r"no photo \./test/r_0,"):
         read(scene, "white")

@@ -168,6 +168,9 @@ def test_bundler(scene, suffix):
         "".join(f"images/{name}{suffix}\n" for name in names)
     )
     check(path, poses, lambda x, y: brown(x, y, K[:2], (0, 0)), centre=np.zeros(2))
+    # The middle is each photo's own.
+    app_cases.write_photo(folder / "images" / NAMES[0], size=SIZE[::-1])
+    assert len(reading.views_of(folder)[0].names) == len(NAMES)
     path.write_text("# Bundle file v0.3\n7 1\n")
     with pytest.raises(ValueError, match=r"bundle.out: cut short"):
         reading.cameras_of(path)

@@ -283,8 +283,13 @@ def test_the_files_own_split_is_kept(scene, caplog):
     assert left_out == ["b", "gone"]
     assert "neither trained on nor scored: b" in caplog.text
     assert "no photo of 1 of 4 cameras: images/gone.png" in caplog.text
-    # One list alone says nothing of the rest; and where they are not asked for.
-    assert transforms.read(scene[0], split_by_lists=False)[0].split is None
+    # A photo that is to be scored needs a pose.
+    frame = next(one for one in content["frames"] if one["file_path"] == "images/a.png")
+    pose = frame.pop("transform_matrix")
+    with pytest.raises(ValueError, match=r"images/a.png is to be scored, without pose"):
+        read(scene)
+    frame["transform_matrix"] = pose
+    # One list alone says nothing of the rest.
     del content["train_filenames"]
     views, left_out = read(scene)
     assert views.split is None

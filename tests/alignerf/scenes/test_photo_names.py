@@ -76,9 +76,10 @@ def test_views_are_called_by_folders_where_stems_collide():
         "cam1/0002.jpg",
         "x/b/3.jpg",
         "y/b/3.jpg",
+        "",
     ]
     assert list(photo_names.view_names(paths).values()) == [
-        *("cam0_0001", "cam1_0001", "0002", "x_b_3", "y_b_3")
+        *("cam0_0001", "cam1_0001", "0002", "x_b_3", "y_b_3", "")
     ]
 
 
