@@ -141,7 +141,7 @@ def of_app(source):
 def of_judged(folder, rng):
     way = rng.choice(["taken", "kept", "opencv"])
     config = judged_cases.project(folder, str(way))
-    return {"path": config["path"], "external_renders": config["external_renders"]}
+    return config.model_dump(include={"path", "external_renders"})
 
 
 def write_json(path, content):

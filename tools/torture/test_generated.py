@@ -34,11 +34,12 @@ def test_spoilt_folders_are_refused_or_right(source, tmp_path):
 
 
 def with_test_photo(folder):
-    """Let a frame of a blender scene show its test photo in training."""
+    """Let a frame of a blender scene show a copy of its test photo in training."""
     test = json.loads((folder / "transforms_test.json").read_text())["frames"][0]
+    shutil.copy(folder / f"{test['file_path']}.png", folder / "train/copy.png")
     path = folder / "transforms_train.json"
     content = json.loads(path.read_text())
-    content["frames"][1]["file_path"] = test["file_path"]
+    content["frames"][1]["file_path"] = "./train/copy"
     path.write_text(json.dumps(content))
 
 
@@ -60,7 +61,7 @@ def test_the_oracle_knows_a_test_photo_in_training(tmp_path, monkeypatch):
 def test_the_oracle_knows_a_file_that_is_lost(tmp_path, monkeypatch):
     whole = ingest.photos.find_images
     # What is looked into counts as used.
-    monkeypatch.setattr(ingest.photos, "_deep_png", lambda path: None)
+    monkeypatch.setattr(ingest.photos, "_is_deep_grey", lambda path: False)
     monkeypatch.setattr(
         ingest.photos,
         "find_images",

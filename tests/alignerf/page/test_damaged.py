@@ -23,8 +23,8 @@ def quickly(results, render, causes, monkeypatch):
     """The page without its pictures, of results with all that it may read."""
     kept = page.template()
     monkeypatch.setattr(page, "template", lambda: kept)
-    monkeypatch.setattr(page.photos, "captions", lambda *_: {})
-    monkeypatch.setattr(page.photos, "arrows", lambda *_: {})
+    monkeypatch.setattr(page.gallery, "captions", lambda *_: {})
+    monkeypatch.setattr(page.gallery, "arrows", lambda *_: {})
     for name in ("fitted", "thumbs"):
         monkeypatch.setattr(
             page.pictures, name, lambda shown: dict.fromkeys((o.key for o in shown), "")
