@@ -28,7 +28,7 @@ def main(argv=None):
     print(f"config: {faults.one_line(str(path))}", flush=True)
     overrides = [f"export_width_px={args.width}"] if args.width else []
     named = None if path == shipped.DEMO else path
-    with results.held(path.stem, *scenes):
+    with results.held(path.stem, *map(str, scenes)):
         code = workflow.run(named, args.cores, "export", overrides=overrides)
     if code:
         sys.exit(code)
