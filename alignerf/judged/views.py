@@ -162,11 +162,8 @@ def pair_of(shot, render, size, kind) -> Pair:
     """
     upright = shot.head.lies_as(size)
     own = shot.head.size[::-1] if upright else shot.head.size
-    lens = (
-        camera_files.guessed(own)
-        if kind == camera_files.NONE
-        else shot.at(own, shot.photo)
-    )
+    is_guess = kind == camera_files.NONE
+    lens = camera_files.guessed(own) if is_guess else shot.at(own, shot.photo)
     return Pair(shot.name, shot.photo, upright, render, lens, own, shot.pose)
 
 
