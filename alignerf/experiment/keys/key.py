@@ -49,7 +49,8 @@ REMOVED = {
     "depth_scale": ": `depth` is in the unit of the cameras",
     "dilation": ": the method `aligned_loss: {}` replaces dilated patches",
     "max_rounds": ": `rounds` is a number; two are enough",
-    "renders": ": a method has `external: {renders: FOLDER}`",
+    "renders": ": a method has `external: {renders: FOLDER}`, a scene "
+    "`external_renders`",
     "warm_start": ": each round trains from scratch, as in the paper",
     "regimes": ": `snakemake comparison` has its rows, `table4` those of the paper",
 }
