@@ -3,7 +3,10 @@
 import json
 
 import numpy as np
+import pycolmap
 from PIL import Image
+
+from alignerf.scenes import cameras
 
 SIZE = (64, 48)
 # (fx, fy, cx, cy) in px, as an app prints them.
@@ -20,6 +23,33 @@ def camtoworlds(rng, count):
 def write_photo(path, level=100, size=SIZE):
     path.parent.mkdir(parents=True, exist_ok=True)
     Image.fromarray(np.full((size[1], size[0], 3), level, np.uint8)).save(path)
+
+
+def write_model(
+    folder,
+    names,
+    camtoworlds,
+    *,
+    suffix=".jpg",
+    model="PINHOLE",
+    params=LENS,
+    size=SIZE,
+    as_text=False,
+):
+    """A COLMAP model of one camera, with a point, at the folder."""
+    found = pycolmap.Reconstruction()
+    camera = pycolmap.Camera(
+        model=model, width=size[0], height=size[1], params=[*params], camera_id=1
+    )
+    found.add_camera_with_trivial_rig(camera)
+    for number, (name, pose) in enumerate(zip(names, camtoworlds, strict=True), 1):
+        axes = pose[:, :3] @ cameras.OPENGL_FROM_OPENCV
+        inverse = np.concatenate([axes.T, -axes.T @ pose[:, 3:]], axis=-1)
+        image = pycolmap.Image(name=f"{name}{suffix}", camera_id=1, image_id=number)
+        found.add_image_with_trivial_frame(image, pycolmap.Rigid3d(inverse))
+    found.add_point3D(np.ones(3), pycolmap.Track(), np.array([1, 2, 3], np.uint8))
+    folder.mkdir(parents=True, exist_ok=True)
+    (found.write_text if as_text else found.write)(folder)
 
 
 def write_json(path, content):

@@ -72,7 +72,7 @@ def files_of(path):
     if path.is_file() and (path.suffix == ".json" or reading.reader_of(path)):
         return [path, *path.parent.glob("*.ply")]
     folder = path.parent if path.is_file() else path
-    found = [folder / "transforms.json", *filter(None, [reading.find(folder)])]
+    found = [folder / transforms.NAME, *filter(None, [reading.find(folder)])]
     for model in colmap_models.find(folder):
         for suffix in ("bin", "txt", "ply"):
             found += sorted(model.glob(f"*.{suffix}"))

@@ -9,14 +9,10 @@ from alignerf.courtyard import scene as courtyard
 from alignerf.experiment.checks import scenes as of_scenes
 from alignerf.io import images
 from alignerf.scenes import prepare, prepared
+from tests import export_cases
 
-OF_COURTYARD = {
-    "source": "courtyard",
-    "poses": "truth",
-    "downscale": 2,
-    "test_every": 3,
-    "min_train_views": 2,
-    "courtyard": {"views": 4, "width": 96, "height": 72},
+OF_COURTYARD = export_cases.OF_COURTYARD | {
+    "courtyard": {"views": 4, "width": 96, "height": 72}
 }
 
 

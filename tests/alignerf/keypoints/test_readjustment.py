@@ -119,15 +119,21 @@ def test_a_principal_point_out_of_the_middle_is_found(corner):
     assert model.cameras[1].params[1] == made.WIDTH / 2
 
 
+def refused(corner, monkeypatch, adjust):
+    """What is told of an adjustment after which the model stays as it is."""
+    monkeypatch.setattr(adjustment, "adjust", adjust)
+    model = adjusted_model(corner)
+    same, told = readjustment.refine(model, free="focal", seed=0)
+    assert same is model
+    return told
+
+
 def test_a_lens_that_would_change_much_changes_nothing(corner, monkeypatch):
     def wild(model, free, **options):
         model.cameras[1].params = [2 * made.FOCAL_PX, made.WIDTH / 2, made.HEIGHT / 2]
         return []
 
-    monkeypatch.setattr(adjustment, "adjust", wild)
-    model = adjusted_model(corner)
-    same, told = readjustment.refine(model, free="focal", seed=0)
-    assert same is model
+    told = refused(corner, monkeypatch, wild)
     assert "lens" in told["why"]
 
 
@@ -135,10 +141,7 @@ def test_what_fails_changes_nothing(corner, monkeypatch):
     def fails(*args, **options):
         raise np.linalg.LinAlgError("singular matrix")
 
-    monkeypatch.setattr(adjustment, "adjust", fails)
-    model = adjusted_model(corner)
-    same, told = readjustment.refine(model, free="focal", seed=0)
-    assert same is model
+    told = refused(corner, monkeypatch, fails)
     assert "singular" in told["said"]
 
 
@@ -150,10 +153,7 @@ def test_cameras_that_lose_stay(corner, monkeypatch):
             image.frame.set_cam_from_world(image.camera_id, pose)
         return []
 
-    monkeypatch.setattr(adjustment, "adjust", worse)
-    model = adjusted_model(corner)
-    same, told = readjustment.refine(model, free="focal", seed=0)
-    assert same is model
+    told = refused(corner, monkeypatch, worse)
     assert "standard errors" in told["why"]
     # JSON knows no NaN.
     json.dumps(told, allow_nan=False)

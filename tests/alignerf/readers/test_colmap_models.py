@@ -3,31 +3,12 @@
 import shutil
 
 import numpy as np
-import pycolmap
 import pytest
 
 from alignerf.readers import colmap_models, projects
-from alignerf.scenes import cameras
 from tests import app_cases as cases
 
 NAMES = [f"p{i}" for i in range(4)]
-
-
-def write_model(folder, names, camtoworlds, *, as_text=False):
-    """A model of one camera, with a point, at the folder."""
-    model = pycolmap.Reconstruction()
-    camera = pycolmap.Camera(
-        model="PINHOLE", width=64, height=48, params=[*cases.LENS], camera_id=1
-    )
-    model.add_camera_with_trivial_rig(camera)
-    for number, (name, pose) in enumerate(zip(names, camtoworlds, strict=True), 1):
-        axes = pose[:, :3] @ cameras.OPENGL_FROM_OPENCV
-        inverse = np.concatenate([axes.T, -axes.T @ pose[:, 3:]], axis=-1)
-        image = pycolmap.Image(name=f"{name}.jpg", camera_id=1, image_id=number)
-        model.add_image_with_trivial_frame(image, pycolmap.Rigid3d(inverse))
-    model.add_point3D(np.ones(3), pycolmap.Track(), np.array([1, 2, 3], np.uint8))
-    folder.mkdir(parents=True, exist_ok=True)
-    (model.write_text if as_text else model.write)(folder)
 
 
 def write_photos(folder, names=NAMES):
@@ -45,7 +26,7 @@ def given(rng):
     "place", ["sparse/0", "sparse", "colmap/sparse/0", "colmap/sparse", ".", "sparse/3"]
 )
 def test_a_model_is_found_at_its_usual_places(tmp_path, given, place, as_text):
-    write_model(tmp_path / place, NAMES, given, as_text=as_text)
+    cases.write_model(tmp_path / place, NAMES, given, as_text=as_text)
     write_photos(tmp_path / "images")
     views, left_out = projects.read(tmp_path)
     assert (views.names, left_out) == (NAMES, [])
@@ -57,7 +38,7 @@ def test_a_model_is_found_at_its_usual_places(tmp_path, given, place, as_text):
 
 
 def test_photos_may_lie_beside_the_models_files(tmp_path, given):
-    write_model(tmp_path, NAMES, given, as_text=True)
+    cases.write_model(tmp_path, NAMES, given, as_text=True)
     write_photos(tmp_path)
     assert projects.read(tmp_path)[0].names == NAMES
 
@@ -66,10 +47,10 @@ def test_of_several_models_the_largest_is_taken_and_others_named(
     tmp_path, given, caplog
 ):
     write_photos(tmp_path / "images")
-    write_model(tmp_path / "sparse/0", NAMES[:1], given[:1])
-    write_model(tmp_path / "sparse/1", NAMES[1:], given[1:], as_text=True)
+    cases.write_model(tmp_path / "sparse/0", NAMES[:1], given[:1])
+    cases.write_model(tmp_path / "sparse/1", NAMES[1:], given[1:], as_text=True)
     # Not before 2 by its name.
-    write_model(tmp_path / "sparse/10", NAMES[:2], given[:2])
+    cases.write_model(tmp_path / "sparse/10", NAMES[:2], given[:2])
     views, left_out = projects.read(tmp_path)
     assert (views.names, left_out) == (NAMES[1:], NAMES[:1])
     said = (
@@ -83,7 +64,7 @@ def test_of_several_models_the_largest_is_taken_and_others_named(
     [("cameras", "model without cameras.txt"), ("images", "model without images.txt")],
 )
 def test_half_a_model_says_what_is_missing(tmp_path, given, part, named):
-    write_model(tmp_path / "sparse", NAMES, given, as_text=True)
+    cases.write_model(tmp_path / "sparse", NAMES, given, as_text=True)
     write_photos(tmp_path / "images")
     (tmp_path / f"sparse/{part}.txt").unlink()
     with pytest.raises(ValueError, match=named):
@@ -111,7 +92,7 @@ IMAGE = "1 {} 0 0 0 1 p0.jpg"
     ],
 )
 def test_a_text_that_colmap_would_misread_is_refused(tmp_path, given, spoil, named):
-    write_model(tmp_path / "sparse/0", NAMES, given, as_text=True)
+    cases.write_model(tmp_path / "sparse/0", NAMES, given, as_text=True)
     write_photos(tmp_path / "images")
     path = tmp_path / "sparse/0/images.txt"
     text = path.read_text()
@@ -125,7 +106,7 @@ def test_a_text_that_colmap_would_misread_is_refused(tmp_path, given, spoil, nam
 
 @pytest.mark.parametrize("name", ["cameras.txt", "images.txt", "points3D.txt"])
 def test_a_byte_order_mark_does_not_count_and_no_utf_8_is_named(tmp_path, given, name):
-    write_model(tmp_path / "sparse/0", NAMES, given, as_text=True)
+    cases.write_model(tmp_path / "sparse/0", NAMES, given, as_text=True)
     write_photos(tmp_path / "images")
     expected = projects.read(tmp_path)[0].camtoworlds
     path = tmp_path / "sparse/0" / name
@@ -138,7 +119,7 @@ def test_a_byte_order_mark_does_not_count_and_no_utf_8_is_named(tmp_path, given,
 
 
 def test_a_name_in_a_text_may_have_spaces(tmp_path, given):
-    write_model(tmp_path / "sparse/0", NAMES, given, as_text=True)
+    cases.write_model(tmp_path / "sparse/0", NAMES, given, as_text=True)
     write_photos(tmp_path / "images")
     expected = projects.read(tmp_path)[0].camtoworlds
     path = tmp_path / "sparse/0/images.txt"
@@ -150,7 +131,7 @@ def test_a_name_in_a_text_may_have_spaces(tmp_path, given):
 
 
 def test_a_binary_quaternion_of_0_is_refused(tmp_path, given):
-    write_model(tmp_path / "sparse/0", NAMES, given)
+    cases.write_model(tmp_path / "sparse/0", NAMES, given)
     write_photos(tmp_path / "images")
     path = tmp_path / "sparse/0/images.bin"
     content = bytearray(path.read_bytes())
@@ -168,7 +149,7 @@ def test_quaternions_of_another_length_are_no_other_turn(
     tmp_path, given, as_text, times, caplog
 ):
     """COLMAP's reader would shear by them."""
-    write_model(tmp_path / "sparse/0", NAMES, given, as_text=as_text)
+    cases.write_model(tmp_path / "sparse/0", NAMES, given, as_text=as_text)
     write_photos(tmp_path / "images")
     if as_text:
         path = tmp_path / "sparse/0/images.txt"
@@ -195,15 +176,15 @@ def test_quaternions_of_another_length_are_no_other_turn(
 
 def test_both_kinds_of_files_are_read_as_colmap_reads_them(tmp_path, given):
     """Its binary ones come first; a broken text beside them does not count."""
-    write_model(tmp_path / "sparse/0", NAMES, given)
+    cases.write_model(tmp_path / "sparse/0", NAMES, given)
     (tmp_path / "sparse/0/images.txt").write_text("x\n")
     write_photos(tmp_path / "images")
     assert projects.read(tmp_path)[0].names == NAMES
 
 
 def test_counts_are_those_of_the_files(tmp_path, given):
-    write_model(tmp_path / "a", NAMES[:3], given[:3])
-    write_model(tmp_path / "b", NAMES, given, as_text=True)
+    cases.write_model(tmp_path / "a", NAMES[:3], given[:3])
+    cases.write_model(tmp_path / "b", NAMES, given, as_text=True)
     assert colmap_models.images_in(tmp_path / "a") == 3
     assert colmap_models.images_in(tmp_path / "b") == 4
     assert colmap_models.find(tmp_path) == []

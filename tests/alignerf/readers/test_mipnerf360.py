@@ -3,13 +3,13 @@
 import shutil
 
 import numpy as np
-import pycolmap
 import pytest
 from PIL import Image
 
 from alignerf import poses
 from alignerf.readers import projects
-from alignerf.scenes import cameras, prepare
+from alignerf.scenes import prepare
+from tests import app_cases
 
 # images_4 of photos of 383x254 are rounded to 96x64: not a quarter on either side.
 FULL, SMALL = (383, 254), (96, 64)
@@ -17,28 +17,10 @@ PARAMS = [300.0, 310.0, 191.0, 128.0]
 NAMES = [f"_DSC{number:04d}" for number in range(9)]
 
 
-def random_poses(rng, count):
-    found = np.zeros((count, 3, 4))
-    rotations = np.linalg.qr(rng.normal(size=(count, 3, 3)))[0]
-    rotations *= np.sign(np.linalg.det(rotations))[:, None, None]
-    found[:, :, :3], found[:, :, 3] = rotations, rng.normal(size=(count, 3))
-    return found
-
-
-def write_model(folder, names, camtoworlds, *, model="PINHOLE", params=PARAMS):
-    """A COLMAP model as 360_v2 has it: one camera, files with suffixes."""
-    found = pycolmap.Reconstruction()
-    camera = pycolmap.Camera(
-        model=model, width=FULL[0], height=FULL[1], params=params, camera_id=1
-    )
-    found.add_camera_with_trivial_rig(camera)
-    for number, (name, pose) in enumerate(zip(names, camtoworlds, strict=True), 1):
-        axes = pose[:, :3] @ cameras.OPENGL_FROM_OPENCV
-        inverse = np.concatenate([axes.T, -axes.T @ pose[:, 3:]], axis=-1)
-        image = pycolmap.Image(name=f"{name}.JPG", camera_id=1, image_id=number)
-        found.add_image_with_trivial_frame(image, pycolmap.Rigid3d(inverse))
-    folder.mkdir(parents=True)
-    found.write(folder)
+def write_model(folder, camtoworlds, **more):
+    """A COLMAP model as 360_v2 has it."""
+    more = {"params": PARAMS, "size": FULL, "suffix": ".JPG"} | more
+    app_cases.write_model(folder, NAMES, camtoworlds, **more)
 
 
 def write_photos(folder, names, size):
@@ -50,8 +32,8 @@ def write_photos(folder, names, size):
 
 @pytest.fixture
 def scene(tmp_path, rng):
-    given = random_poses(rng, len(NAMES))
-    write_model(tmp_path / "sparse" / "0", NAMES, given)
+    given = app_cases.camtoworlds(rng, len(NAMES))
+    write_model(tmp_path / "sparse" / "0", given)
     write_photos(tmp_path / "images", NAMES, FULL)
     write_photos(tmp_path / "images_4", NAMES, SMALL)
     return tmp_path, given
@@ -133,9 +115,8 @@ def test_photos_of_another_shape_are_refused(scene):
 def test_a_wild_lens_is_named(tmp_path, rng):
     model = tmp_path / "sparse" / "0"
     params = [300.0, 310.0, 191.0, 128.0, -3.0, *[0] * 7]
-    write_model(
-        model, NAMES, random_poses(rng, 9), model="THIN_PRISM_FISHEYE", params=params
-    )
+    poses_of = app_cases.camtoworlds(rng, 9)
+    write_model(model, poses_of, model="THIN_PRISM_FISHEYE", params=params)
     write_photos(tmp_path / "images", NAMES, FULL)
     told = r"THIN_PRISM_FISHEYE \(fx 300, .* k1 -3\) folds the image: .* is wild"
     with pytest.raises(ValueError, match=told):
