@@ -17,6 +17,7 @@ from flow.camera import motion
 FRACTION = 0.15
 # Of moving patches: how many, and their radius as a fraction of the shorter side.
 PATCHES, PATCH_RADIUS = 3, 0.2
+CAMERAS = ("pixtocams", "camtoworlds")
 BORDER = cv2.BORDER_REFLECT_101
 
 
@@ -115,6 +116,82 @@ def moving(capture, length_px, rng):
     return capture._replace(photos=np.array(photos))
 
 
+def pasted(every):
+    """Puts an object into every n-th photo, each time at another place.
+
+    It covers a fraction of the photo, and has the texture of another part of the
+    capture in another colour.
+    """
+
+    def change(capture, fraction, rng):
+        photos = capture.photos.copy()
+        texture = texture_of(capture, rng)
+        for view in range(0, len(photos), every):
+            middle = rng.uniform(0.15, 0.85, 2) * capture.size
+            photos[view] = covered(photos[view], middle, fraction, texture, rng)
+        return capture._replace(photos=photos)
+
+    return change
+
+
+def walking(capture, fraction, rng):
+    """Somebody walks through the scene while photos are taken one after the other.
+
+    fraction: of the median photo, where they are seen.
+    """
+    photos = capture.photos.copy()
+    texture = texture_of(capture, rng)
+    middle, spread = np.median(capture.points, axis=0), np.std(capture.points, axis=0)
+    ends = middle + np.array([[-1.0], [1.0]]) * rng.normal(size=3) * spread
+    shown = [
+        cameras.project(middle, *camera)[1]
+        for camera in zip(capture.pixtocams, capture.camtoworlds, strict=True)
+    ]
+    usual = np.median(np.abs(shown))
+    for view, at in enumerate(np.linspace(0, 1, len(photos))):
+        camera = capture.pixtocams[view], capture.camtoworlds[view]
+        place = ends[0] + at * (ends[1] - ends[0])
+        pixel, depth = cameras.project(place, *camera)
+        if depth > 0.2 * usual:
+            size = min(fraction * (usual / depth) ** 2, 2 * fraction)
+            photos[view] = covered(photos[view], pixel, size, texture, rng)
+    return capture._replace(photos=photos)
+
+
+def texture_of(capture, rng):
+    """[h, w, 3] uint8 of an object: a photo, magnified, in another colour."""
+    photo = capture.photos[rng.integers(len(capture.photos))]
+    height, width = photo.shape[:2]
+    part = photo[height // 4 : 3 * height // 4, width // 4 : 3 * width // 4]
+    part = cv2.resize(part, (width, height), interpolation=cv2.INTER_CUBIC)
+    dyed = part.astype(float) * rng.uniform(0.3, 0.7) + rng.uniform(0, 90, 3)
+    return np.clip(dyed, 0, 255).astype(np.uint8)
+
+
+def covered(photo, middle, fraction, texture, rng):
+    """A photo with an upright ellipse of so much of its area around a pixel (x, y)."""
+    height, width = photo.shape[:2]
+    tall = rng.uniform(1.2, 2.2)
+    across = np.sqrt(fraction * width * height / (np.pi * tall))
+    y, x = np.mgrid[:height, :width]
+    far = np.hypot((x - middle[0]) / across, (y - middle[1]) / (tall * across))
+    alpha = np.clip((1 - far) * across, 0, 1)[..., None]
+    return np.round(photo * (1 - alpha) + texture * alpha).astype(np.uint8)
+
+
+def smeared(capture, length_px, rng):
+    """The camera moves while some photos are taken: along a line, in any direction."""
+    photos = capture.photos.copy()
+    for view in rng.permutation(len(photos))[: capture.some]:
+        angle, radius = rng.uniform(0, np.pi), int(np.ceil(length_px))
+        along = np.linspace(-0.5, 0.5, 16 * radius) * length_px
+        x, y = (np.rint(along * part) for part in (np.cos(angle), np.sin(angle)))
+        kernel = np.zeros((2 * radius + 1,) * 2)
+        np.add.at(kernel, (radius + y.astype(int), radius + x.astype(int)), 1)
+        photos[view] = cv2.filter2D(photos[view], -1, kernel / kernel.sum())
+    return capture._replace(photos=photos)
+
+
 def sheared(capture, skew_px, rng):
     """Rows are read one after the other while the camera moves on to the next photo.
 
@@ -164,12 +241,20 @@ def copied(capture, share, rng):
         f"{capture.names[view]}_copy" if twice else capture.names[view]
         for view, twice in zip(order, again, strict=True)
     ]
-    taken = {
-        key: getattr(capture, key)[order]
-        for key in ("photos", "pixtocams", "camtoworlds")
-    }
+    taken = {key: getattr(capture, key)[order] for key in ("photos", *CAMERAS)}
     split = np.where(np.arange(len(order)) % 8 == 0, "test", "train")
     return capture._replace(names=names, split=split, **taken)
+
+
+def thinned(capture, share, rng):
+    """A share of the photos to learn from was never taken; those held out stay."""
+    learnt = np.flatnonzero(capture.split == "train")
+    gone = rng.permutation(learnt)[: round(share * len(learnt))]
+    kept = np.delete(np.arange(len(capture.names)), gone)
+    taken = {key: getattr(capture, key)[kept] for key in ("photos", *CAMERAS)}
+    return capture._replace(
+        names=[capture.names[view] for view in kept], split=capture.split[kept], **taken
+    )
 
 
 def turned(capture, error_px, rng):
@@ -281,6 +366,20 @@ PLANTS = {
     "blur": Plant(("blurred",), (1.5, 3.0, 6.0), "px", before=blurred),
     "exposure": Plant(("exposure",), (0.1, 0.2, 0.4), "stops", before=exposed),
     "motion": Plant(("motion",), (2.0, 5.0, 10.0), "px", before=moving),
+    "every second": Plant(
+        ("transients",), (0.02, 0.05, 0.15), "of a photo", before=pasted(2)
+    ),
+    "every fifth": Plant(
+        ("transients",), (0.02, 0.05, 0.15), "of a photo", before=pasted(5)
+    ),
+    "walker": Plant(("transients",), (0.02, 0.05, 0.1), "of a photo", before=walking),
+    "motion blur": Plant(("blurred",), (2.5, 5.0, 10.0), "px", before=smeared),
+    "fewer photos": Plant(
+        ("sparse", "few_views"),
+        (0.25, 0.5, 0.75),
+        "of the photos to learn from",
+        before=thinned,
+    ),
     "rolling shutter": Plant(
         ("rolling_shutter",), (2.0, 5.0, 12.0), "px", before=sheared
     ),
@@ -309,6 +408,12 @@ PLANTS = {
         (0.08, 0.2, 0.4),
         "stops",
         after=of_images(lambda renders, ev: toned(renders, stops=(ev, 0, -ev))),
+    ),
+    "channels": Plant(
+        ("tone", "pairs"),
+        (1.0,),
+        "of the renders in BGR",
+        after=of_images(lambda renders, share: renders[..., ::-1]),
     ),
     "shift": Plant(
         ("lens_shift",), (0.25, 0.5, 1.5), "px of the render", after=of_images(shifted)

@@ -64,11 +64,13 @@ def main(argv=None):
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("captures", type=Path, nargs="+")
     parser.add_argument("--out", type=Path, required=True)
+    parser.add_argument("--faults", nargs="+", choices=[*faults.PLANTS], metavar="NAME")
+    parser.add_argument("--strengths", type=int, nargs="+", default=[0, 1, 2])
     parser.add_argument("--jobs", type=int, default=2)
     args = parser.parse_args(argv)
     todo = [
         case
-        for case in cases(args.captures)
+        for case in cases(args.captures, args.faults, args.strengths)
         if not (case.folder(args.out) / DONE).is_file()
     ]
     # A process of its own for each capture's cases in turn: compiled programs are kept.
@@ -80,13 +82,22 @@ def main(argv=None):
             print(f"{number} of {len(todo)}", case.capture.name, case.name, error or "")
 
 
-def cases(captures):
-    """All cases, those first that others need, then the middle strengths."""
-    found = [((("nothing", 0),), seed) for seed in (0, 1)]
+def cases(captures, names=None, places=(0, 1, 2)):
+    """Cases of the faults named, or of all; those first that others need, then the
+    middle strengths.
+    """
+    found = [((("nothing", 0),), seed) for seed in ((0,) if names else (0, 1))]
     for place in (1, 2, 0):
-        found += [(((name, place),), 0) for name in faults.PLANTS if name != "nothing"]
-        if place == 1:
+        found += [
+            (((name, min(place, len(plant.strengths) - 1)),), 0)
+            for name, plant in faults.PLANTS.items()
+            if place in places
+            and name in (names or faults.PLANTS)
+            and name != "nothing"
+        ]
+        if place == 1 and not names:
             found += [(tuple((name, 1) for name in pair), 0) for pair in faults.PAIRS]
+    found = dict.fromkeys(found)
     return [
         Case(Path(capture), plants, seed)
         for plants, seed in found
