@@ -11,6 +11,7 @@ DATA = {
     "alignerf.kernels": ["*.cc", "*.h"],
     "alignerf.splats": ["*.cc"],
     "alignerf.page": ["**/*.html", "**/*.css", "**/*.js", "*.yaml", "vendor/*"],
+    "alignerf.causes.shared": ["*.yaml"],
     "alignerf.tables": ["*.yaml"],
     "alignerf.testsets": ["*.yaml"],
     PIPELINE: [

@@ -11,27 +11,29 @@ import graphlib
 import sys
 
 from alignerf.causes import pairs
+from alignerf.causes.shared import at_stake
 from alignerf.io.environment import extensions
 
 
-def gravity(cause):
-    """What sorts causes, the gravest first."""
-    return -cause.severity
-
-
 def every():
-    """All causes, the gravest first."""
-    found = extensions.registered(sys.modules[__name__], "causes", "CAUSE")
-    return sorted(found, key=gravity)
+    """All causes."""
+    return extensions.registered(sys.modules[__name__], "causes", "CAUSE")
 
 
 def find(e):
-    """A `base.Finding` of each cause that an Evidence has, the gravest first."""
+    """A `base.Finding` of each cause that an Evidence has, in `order`."""
     return [one for one in examine(e) if one.sure is not None]
 
 
+def order(one):
+    """What sorts findings: the sure first, of these the one with most at stake."""
+    known = one.at_stake is not None
+    place = every().index(one.cause)
+    return one.sure is None, not one.sure, not known, known and -one.at_stake[1], place
+
+
 def examine(e):
-    """A `base.Finding` of each cause that is looked for, the gravest first.
+    """A `base.Finding` of each cause that is looked for, in `order`.
 
     Causes compete: what one explains is no evidence for another, unless that stands by
     other evidence.
@@ -44,25 +46,26 @@ def examine(e):
             # Too many pairs that are none: nothing else can be told.
             one = one._replace(sure=None, detectable=False)
         by = [
-            other.cause
+            other
             for other in found
             if other.sure is not None and other.explains and not one.stands
             if cause.name in other.cause.explains
         ]
         if by:
-            one = one._replace(sure=None, spoilt=min(by, key=gravity).spoils)
-        found.append(one._replace(cause=cause))
-    return sorted(found, key=lambda one: gravity(one.cause))
+            one = one._replace(sure=None, spoilt=min(by, key=order).cause.spoils)
+        stake = at_stake.of(cause.name, one.size) if one.sure is not None else None
+        found.append(one._replace(cause=cause, at_stake=stake))
+    return sorted(found, key=order)
 
 
 @functools.cache
 def in_turn():
-    """All causes, each after those that explain it, the gravest first."""
+    """All causes, each after those that explain it."""
     by_name = {cause.name: cause for cause in every()}
-    before = {name: set() for name in by_name}
+    before = {name: [] for name in by_name}
     for cause in by_name.values():
         for name in set(cause.explains) & set(by_name) - {cause.name}:
-            before[name].add(cause.name)
+            before[name].append(cause.name)
     try:
         order = [*graphlib.TopologicalSorter(before).static_order()]
     except graphlib.CycleError as error:

@@ -129,12 +129,6 @@ class Evidence(NamedTuple):
     tried: tuple = ()
 
 
-# What a fix takes, the cheapest first; the last three are photos to be taken.
-FIXES = ("training", "lens", "photos left out", "brightness", "floaters", "cameras")
-NEW_PHOTOS = ("photos between", "photos beside", "more photos")
-FIXES += NEW_PHOTOS
-
-
 @dataclass(frozen=True, kw_only=True)
 class Cause:
     """Something that can be wrong with a scene: how it is found, told and fixed.
@@ -142,15 +136,13 @@ class Cause:
     name: in verdict.json. label, unit: of its gauge.
     find: of an Evidence, its `Finding`, also where all is well; None where it is not
     looked for.
-    severity: what is graver is told first.
     explains: names of causes whose evidence this one spoils where it is found: they are
     not told then, because `spoils`.
     called: a phrase for the headline; {probably} is empty where the cause is sure.
     sentence: with its number: {probably}, {value}, {px} is the value as a length,
     {said} is the Finding's.
-    advice: what to do. advice_external: in its place where another program was trained;
-    {export} writes corrected photos and cameras.
-    fix: what the advice takes, of FIXES: the cheapest of what is sure is advised first.
+    advice: what to do, never nothing. advice_external: in its place where another
+    program was trained; {export} writes corrected photos and cameras.
     page: below docs/, what to do about it.
     """
 
@@ -160,12 +152,10 @@ class Cause:
     find: Callable
     called: str
     sentence: str
-    advice: str = ""
+    advice: str
     advice_external: str = ""
-    severity: float = 0
     explains: tuple = ()
     spoils: str = ""
-    fix: str = FIXES[-1]
     page: str = "howto/verdict.md#what-to-do"
 
 
@@ -176,10 +166,11 @@ class Finding(NamedTuple):
     beyond doubt; None where it is not found. more_is_better: right values are above the
     limit.
     said: for its sentence. measured: in place of value and unit. advice: in place of
-    the cause's; "" where there is nothing to do.
+    the cause's.
     detectable: whether the run tells the cause. stands: whether it is told by what no
     other cause spoils. explains: whether it spoils what the cause `explains`.
-    cause, and why its evidence is spoilt: as `causes.examine` finds them.
+    cause, why its evidence is spoilt, and (low, middle, high) dB that its removal is
+    estimated to bring, None where unknown: as `causes.examine` finds them.
     """
 
     value: float
@@ -188,12 +179,24 @@ class Finding(NamedTuple):
     more_is_better: bool = False
     said: str = ""
     measured: str = ""
-    advice: str | None = None
+    advice: str = ""
     detectable: bool = True
     stands: bool = False
     explains: bool = True
     cause: Cause | None = None
     spoilt: str = ""
+    at_stake: tuple | None = None
+
+    @property
+    def size(self):
+        """How many times its limit it is; where none is allowed, its value."""
+        part, whole = self.value, self.limit
+        if not whole:
+            return part
+        if self.more_is_better:
+            part, whole = whole, part
+        # What is unknown stays so.
+        return part / max(whole, 1e-9)
 
     @property
     def called(self):
@@ -213,15 +216,7 @@ class Finding(NamedTuple):
     def told(self, *, external):
         """Its advice; external: where another program was trained."""
         cause = self.cause
-        usual = (external and cause.advice_external) or cause.advice
-        return usual if self.advice is None else self.advice
-
-    @property
-    def cost(self):
-        """What sorts fixes: what is sure first, and photos to be taken after all."""
-        fix = self.cause.fix
-        place = FIXES.index(fix), -self.cause.severity
-        return fix in NEW_PHOTOS, not self.sure, *place
+        return self.advice or (external and cause.advice_external) or cause.advice
 
 
 def beyond(value, limit, *, more_is_better=False, where=True, **more):

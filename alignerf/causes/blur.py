@@ -11,13 +11,11 @@ CAUSE = base.Cause(
     label="blurred photos",
     unit="%",
     find=lambda e: base.beyond(100 * e.blurred_fraction, 100 * BLURRED_VIEWS),
-    severity=30,
     called="some photos are {probably}blurred",
     sentence="{value:.0f} % of the photos are {probably}blurred: they are less "
     "sharp than their renders.",
     advice="leave out the blurred photos, see tables/views.csv.",
     advice_external="leave out the blurred photos, see tables/views.csv, and train "
     "again.",
-    fix="photos left out",
     page="howto/fix.md#too-few-blurred-uneven-photos",
 )

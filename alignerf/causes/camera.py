@@ -89,7 +89,7 @@ def find(e):
     # Crops or matches tell of poses, whatever flows come from.
     stands = found.stands or misalignment.poses_off(e)
     return found._replace(
-        advice=None if e.judged else advise(e, by_points=not found.explains),
+        advice="" if e.judged else advise(e, by_points=not found.explains),
         detectable=bool(e.matches) or (misalignment.is_sharp(e) and seen),
         stands=stands and not lens.is_alone(e),
     )
@@ -122,12 +122,11 @@ CAUSE = base.Cause(
     label="camera poses",
     unit="px",
     find=find,
-    severity=60,
     explains=("sparse", "motion", "exposure", "floaters", "tone"),
     spoils="wrong poses distort the model",
     called="poses are {probably}off",
     sentence="Poses are {probably}off: {said}.",
+    advice=ALIGN,
     advice_external="train again with the corrected cameras: `{export}` writes them.",
-    fix="cameras",
     page="howto/fix.md#poses-are-off",
 )

@@ -86,13 +86,11 @@ SPARSE = base.Cause(
     label="gap of held-out photos",
     unit="dB",
     find=find_sparse,
-    severity=75,
     explains=("motion",),
     spoils="photos do not determine the geometry",
     called="photos are {probably}too few or too far apart",
     sentence="Photos are {probably}too few or too far apart: {said}.",
     advice="take more photos between those you have. Warping would not help.",
-    fix="photos between",
     page="howto/fix.md#too-few-blurred-uneven-photos",
 )
 FEW_VIEWS = base.Cause(
@@ -100,11 +98,9 @@ FEW_VIEWS = base.Cause(
     label="number of photos",
     unit="photos",
     find=find_few_views,
-    severity=85,
     called="photos are few",
     sentence="{said}.",
     advice="take more photos: 20 or more that overlap.",
-    fix="more photos",
     page="howto/fix.md#too-few-blurred-uneven-photos",
 )
 UNREGISTERED = base.Cause(
@@ -112,12 +108,10 @@ UNREGISTERED = base.Cause(
     label="photos registered by COLMAP",
     unit="% left out",
     find=find_unregistered,
-    severity=80,
     called="photos are left out",
     sentence="COLMAP registered {said}: the others do not "
     "overlap with them, or show another place.",
     advice="take photos between those that are left out and the others.",
-    fix="photos beside",
     page="howto/fix.md#too-few-blurred-uneven-photos",
 )
 FLOATERS = base.Cause(
@@ -125,12 +119,10 @@ FLOATERS = base.Cause(
     label="floaters",
     unit="% of the views",
     find=find_floaters,
-    severity=20,
     called="floaters {probably}hide parts of views",
     sentence="Floaters {probably}hide parts of {said}: they show "
     "something close to the camera that is not in the photo.",
     advice="take more photos where floaters hang, or prune what is near the "
     "cameras before exporting the splat.",
-    fix="floaters",
 )
 CAUSE = [SPARSE, FEW_VIEWS, UNREGISTERED, FLOATERS]

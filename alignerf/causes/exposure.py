@@ -61,7 +61,6 @@ CHANGES = base.Cause(
     label="exposure",
     unit="stops",
     find=find_changes,
-    severity=15,
     explains=("sparse", "motion"),
     spoils="brightness changes between photos",
     called="exposure {probably}changes",
@@ -70,7 +69,6 @@ CHANGES = base.Cause(
     advice="lock the exposure, or even it out before training.",
     advice_external="lock the exposure, even it out before training, or enable your "
     "program's appearance model.",
-    fix="brightness",
     page="howto/fix.md#too-few-blurred-uneven-photos",
 )
 TONE = base.Cause(
@@ -78,13 +76,11 @@ TONE = base.Cause(
     label="tone curve of the renders",
     unit="stops",
     find=find_tone,
-    severity=65,
     explains=("sparse", "motion", "floaters"),
     spoils="renders have another tone curve",
     called="renders {probably}have another tone curve than their photos",
     sentence="All renders {probably}differ from their photos: {said}.",
     advice="write the renders in sRGB, as the photos are, and judge again: "
     "linear colors, or a gamma curve applied twice, shift all of them.",
-    fix="brightness",
 )
 CAUSE = [CHANGES, TONE]

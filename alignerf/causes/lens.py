@@ -105,7 +105,7 @@ def find_shift(e):
     if found.stands:
         said = f"The principal point is {probably}off: matches between photos put it "
         said += f"{base.length(found.value)} away"
-        advice = CORRECTED if e.judged and corrects(e) else None
+        advice = CORRECTED if e.judged and corrects(e) else ""
         return found._replace(said=said, advice=advice)
     said = f"All photos are {probably}misaligned alike, by {base.length(px)}: the "
     said += "principal point is wrong, or pixel centers are half a pixel off"
@@ -127,8 +127,7 @@ def find_focal(e):
     if not found.stands:
         return found
     ratio = f"{by_matches(e).focal_ratio:.4f}"
-    advice = f"multiply the focal length by {ratio}, or adjust the cameras before "
-    advice += "training: `poses: adjusted` in the config."
+    advice = f"multiply the focal length by {ratio}, or {FOCAL.advice}"
     if e.judged:
         advice = f"multiply the focal length by {ratio}, and train again."
         advice = CORRECTED if corrects(e) else advice
@@ -142,14 +141,13 @@ def find_shutter(e):
 
 def cause(**texts):
     """The record of a part of the lens."""
-    return base.Cause(unit="px", explains=EXPLAINS, spoils=SPOILS, fix="lens", **texts)
+    return base.Cause(unit="px", explains=EXPLAINS, spoils=SPOILS, **texts)
 
 
 SHIFT = cause(
     name="lens_shift",
     label="principal point",
     find=find_shift,
-    severity=50,
     called="the principal point is {probably}off",
     sentence="{said}.",
     advice="check the pixel centers and principal point of the input cameras.",
@@ -160,7 +158,6 @@ DISTORTION = cause(
     name="lens_distortion",
     label="lens distortion",
     find=find_distortion,
-    severity=40,
     called="the lens distortion is {probably}wrong",
     sentence="All photos are {probably}distorted alike, by {px} at the corners: the "
     "lens distortion is wrong.",
@@ -171,16 +168,15 @@ FOCAL = cause(
     name="focal",
     label="focal length",
     find=find_focal,
-    severity=45,
     called="the focal length is {probably}off",
     sentence="The focal length is {probably}off: matches between photos fit {said} "
     "times the one in use.",
+    advice="adjust the cameras before training: `poses: adjusted` in the config.",
 )
 SHUTTER = cause(
     name="rolling_shutter",
     label="rolling shutter",
     find=find_shutter,
-    severity=35,
     called="a rolling shutter {probably}skews the photos",
     sentence="A rolling shutter {probably}skews the photos: by {px} from the first row "
     "to the last of the median photo, with the camera's motion.",

@@ -15,13 +15,13 @@ WARPED_MOTION_DB, WARPED_MOTION_TWICE_DB = 0.2, -1.8
 
 
 def find(e):
-    """Pixels that move by themselves; no advice where photos were warped in vain."""
-    tried = "" if remedies.warped_in_vain(e) else remedies.advise(e) or None
+    """Pixels that move by themselves; no warping where photos were warped in vain."""
+    tried = remedies.warped_in_vain(e) or remedies.advise(e)
     return base.beyond(
         100 * e.moved_fraction,
         100 * MOVED_FRACTION,
         stands=e.moved_fraction > MOVED_ANYWAY,
-        advice=None if e.judged else tried,
+        advice="" if e.judged else tried,
     )
 
 
@@ -30,7 +30,6 @@ CAUSE = base.Cause(
     label="things that moved",
     unit="%",
     find=find,
-    severity=10,
     called="things {probably}moved",
     sentence="Things {probably}moved between photos: {value:.0f} % of a photo moves "
     "independently of the camera.",
@@ -39,6 +38,5 @@ CAUSE = base.Cause(
     f"steps, and lost {-WARPED_MOTION_TWICE_DB} dB to a training as long as both.",
     advice_external="leave out the photos in which things moved, or train on warped "
     "ones, which `{export}` writes.",
-    fix="cameras",
     page="howto/fix.md#something-moved",
 )

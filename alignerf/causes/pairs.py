@@ -9,12 +9,13 @@ def find_pairs(e):
     if not e.pairs.count:
         return None
     wrong = len(e.pairs.faults)
+    found = {"said": pairs.sentence(e.pairs), "advice": pairs.advice(e.pairs)}
     return base.Finding(
-        wrong,
+        100 * wrong / e.pairs.count,
         0,
         True if wrong else None,
-        said=pairs.sentence(e.pairs) if wrong else "",
         measured=f"{wrong or 'none'} wrong of {e.pairs.count}",
+        **(found if wrong else {}),
     )
 
 
@@ -28,23 +29,21 @@ def find_copies(e):
 PAIRS = base.Cause(
     name="pairs",
     label="renders that match their photos",
-    unit="wrong",
+    unit="% wrong",
     find=find_pairs,
-    severity=90,
     called="some renders are left out",
     sentence="Left out: {said}.",
+    advice="look at the renders that are left out, and judge again.",
 )
 COPIES = base.Cause(
     name="copies",
     label="duplicate photos",
     unit="photos",
     find=find_copies,
-    severity=25,
     called="photos are there twice",
     sentence="{value} photos duplicate another one: a held-out photo that is also "
     "a training photo tests nothing.",
     advice="leave one of each two duplicates out.",
     advice_external="leave one of each two duplicates out, and train again.",
-    fix="photos left out",
 )
 CAUSE = [PAIRS, COPIES]

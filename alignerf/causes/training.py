@@ -25,11 +25,11 @@ def find_others(e):
     """Of another program's, by its renders, unless poses explain these."""
     if not e.judged:
         return None
-    return base.Finding(
+    return base.beyond(
         misalignment.detail(e),
         misalignment.MIN_DETAIL,
-        False if misalignment.too_short(e) else None,
         more_is_better=True,
+        where=misalignment.too_short(e),
         detectable=not misalignment.explained_by_poses(e),
     )
 
@@ -47,21 +47,18 @@ OURS = base.Cause(
     label="length of training",
     unit="epochs",
     find=find_ours,
-    severity=70,
     explains=EXPLAINS,
     spoils=SPOILS,
     called="trained {probably}too short",
     sentence="Training was {probably}too short: each pixel was seen {value:.2g} times.",
     advice="train longer first: more steps, or budget_min. Twice the steps brought "
     f"{LONGER_DB} dB on the demo's scene.",
-    fix="training",
 )
 OTHERS = base.Cause(
     name="undertrained_renders",
     label="length of training, by its renders",
     unit="of the photos' detail",
     find=find_others,
-    severity=95,
     explains=EXPLAINS,
     spoils=SPOILS,
     called="trained {probably}too short",
@@ -69,14 +66,12 @@ OTHERS = base.Cause(
     "photos' detail, at two to four pixels, and matches find no wrong poses.",
     advice="train longer first, then judge again: blurred renders do not "
     "show misalignment.",
-    fix="training",
 )
 SMALLER = base.Cause(
     name="half_size",
     label="size of the training photos",
     unit="of the finest octave",
     find=find_smaller,
-    severity=55,
     explains=("motion",),
     spoils="renders are of smaller photos",
     called="training {probably}had smaller photos",
@@ -84,6 +79,5 @@ SMALLER = base.Cause(
     "finest octave of detail ({value:.2g} of the next).",
     advice="train with photos of the size that is judged, or judge with those "
     "that were trained on: `-r 1` or --downscale-factor 1 of many programs.",
-    fix="training",
 )
 CAUSE = [OURS, OTHERS, SMALLER]

@@ -12,7 +12,7 @@ import textwrap
 from alignerf import causes, testsets
 from alignerf.causes import base, camera, coverage, motion
 from alignerf.causes.base import amount, length
-from alignerf.causes.shared import misalignment, remedies
+from alignerf.causes.shared import at_stake, misalignment, remedies
 from alignerf.io import provenance
 from alignerf.metrics import pairs
 from alignerf.verdict import kinds, measured
@@ -39,8 +39,8 @@ def of(e, views):
     views: of `evidence.read_views`. state: `aligned`, `misaligned` or `unclear`.
     headline: one sentence. because: a sentence for each cause that is named. do_first:
     {text, command}, the command may be None. tried: of each fix of this run. measured:
-    sentences. findings: of each cause that is named, the gravest first. causes: of each
-    cause that is looked for, also where it is fine, see `gauge`.
+    sentences. findings: of each cause that is named, in the order of `causes.examine`.
+    causes: of each cause that is looked for, also where it is fine, see `gauge`.
     """
     examined = causes.examine(e)
     named = [one for one in examined if one.sure is not None]
@@ -51,7 +51,7 @@ def of(e, views):
         "state": state(e, named),
         "headline": head[0].upper() + head[1:],
         # What stops all others is the headline.
-        "because": [one.sentence for one in named] * told,
+        "because": [f"{one.sentence} {at_stake.said(one)}" for one in named] * told,
         "do_first": {
             "text": text[0].upper() + text[1:],
             "command": command and command[1],
@@ -59,7 +59,12 @@ def of(e, views):
         "tried": [tried(gain, e) for gain in e.tried] * told,
         "measured": measured.sentences(e, views),
         "findings": [
-            {"cause": one.cause.name, "value": one.value, "sure": one.sure}
+            {
+                "cause": one.cause.name,
+                "value": one.value,
+                "sure": one.sure,
+                "at_stake_db": one.at_stake and list(one.at_stake[::2]),
+            }
             for one in named
         ],
         "causes": [gauge(one) for one in examined],
@@ -90,7 +95,7 @@ def of_cause(cause, named):
 
 
 def headline(e, named):
-    """One line: aligned or not, by how much, and the gravest causes."""
+    """One line: aligned or not, by how much, and the causes."""
     if e.pairs.stops:
         return f"cannot be told: {pairs.sentence(e.pairs)}."
     kind, called = state(e, named), ", ".join(one.called for one in named)
@@ -123,20 +128,14 @@ def headline(e, named):
 
 
 def advise(e, named):
-    """The fix to try first; never one that this run has tried in vain."""
-    if e.pairs.stops:
-        return pairs.advice(e.pairs)
-    sparse = of_cause(coverage.SPARSE, named)
-    if sparse and sparse.sure and not e.judged:
-        # What is only probable then is seen by bad renders; poses are by points, too.
-        named = [one for one in named if one.sure or one.cause is camera.CAUSE]
-    for one in sorted(named, key=lambda one: one.cost):
-        if said := one.told(external=bool(e.judged)):
-            return with_export(e, said) if e.judged else said
+    """The first cause's advice; never what this run has tried in vain."""
+    if named:
+        said = named[0].told(external=bool(e.judged))
+        return with_export(e, said) if e.judged else said
     if e.judged:
         return of_judged_alignment(e)
-    if remedies.warped_in_vain(e):
-        return "leave the photos as they are: warping them brought no significant gain."
+    if said := remedies.warped_in_vain(e):
+        return said
     misaligned = misalignment.misaligned(e)
     if said := remedies.advise(e, only_paying=not misaligned):
         return said

@@ -3,9 +3,12 @@
     python -m tools.bench.limits collect results/planted --captures results/fox ...
         --out planted.csv
     python -m tools.bench.limits fit planted.csv --out FOLDER
+    python -m tools.bench.limits stakes planted.csv
+        --out alignerf/causes/shared/at_stake.yaml
 
 Each case is read twice: as a training of ours, and as renders of another program.
-Limits are fitted on all captures but one and judged by that one, in turn.
+Limits are fitted on all captures but one and judged by that one, in turn. What is at
+stake is measured in limits: new limits ask for new stakes.
 """
 
 import argparse
@@ -17,7 +20,8 @@ from typing import NamedTuple
 
 import numpy as np
 import pandas as pd
-from scipy import stats
+import yaml
+from scipy import optimize, stats
 
 from alignerf import causes
 from alignerf.causes import base as of_causes
@@ -28,8 +32,8 @@ from alignerf.causes import (
     lens,
     motion,
 )
-from alignerf.causes.shared import misalignment
-from alignerf.io import images, machine
+from alignerf.causes.shared import at_stake, misalignment
+from alignerf.io import atomic, images, machine
 from alignerf.metrics import pairs
 from alignerf.scenes import prepare, prepared
 from alignerf.sfm.lens import Lens
@@ -58,6 +62,11 @@ LIMITS = {
     (coverage, "FLOATER_VIEWS"): 0.04,
     (blur, "BLURRED_VIEWS"): 0.05,
 }
+# Faults that do not say what their cause costs by its size: cameras of other photos are
+# off by any length, and copies change what held-out photos are.
+UNSIZED = {"order", "copies"}
+# Of so many cases and captures at the least a cost is fitted; and its range.
+STAKE_CASES, STAKE_CAPTURES, STAKE_RANGE = 5, 4, (0.1, 0.9)
 # What is counted, and so true.
 FACTS = {"few_views", "unregistered"}
 OUTCOME = ["capture", "reading", "seed", "faults", "strengths", "strong", "found"]
@@ -232,7 +241,7 @@ def there_of(row):
 
 
 class Judged(NamedTuple):
-    """What was found, the gravest first, of what is there; own: true of the capture."""
+    """What was found, in its order, of what is there; own: true of the capture."""
 
     found: list
     there: list
@@ -345,11 +354,88 @@ def of_row(row):
     return known, there_of(row), OWN.get(row["capture"], set())
 
 
-def is_strong(table):
-    """[n] whether a fault costs enough of the held-out score, or stops a judgement."""
+def cost_of(table):
+    """[n] dB of held-out PSNR that each case is below its capture without a fault."""
     own = table[table["faults"] == "nothing"]
     usual = own.groupby("capture")["score_db"].mean()
-    cost = table["capture"].map(usual) - table["score_db"]
+    return table["capture"].map(usual) - table["score_db"]
+
+
+def sized(table):
+    """Cases of one fault whose cause is found: cause, capture, size, cost_db.
+
+    Of a fault that several causes name, the first that is looked for has it. Readings
+    of one training are one case.
+    """
+    every, rows = {cause.name: cause for cause in causes.every()}, []
+    keys = ["capture", "faults", "strengths", "seed"]
+    own = table.assign(cost_db=cost_of(table)).dropna(subset="cost_db")
+    for row in own.to_dict("records"):
+        name = row["faults"]
+        if name not in faults.PLANTS or name in UNSIZED:
+            continue
+        known = evidence_of(row)
+        named = [one for one in faults.PLANTS[name].causes if one in every]
+        looked = {one: every[one].find(known) for one in named}
+        cause = next((one for one in named if looked[one]), None)
+        if cause and looked[cause].sure is not None:
+            kept = {key: row[key] for key in (*keys, "cost_db")}
+            rows.append(kept | {"cause": cause, "size": looked[cause].size})
+    keys = ["cause", *keys]
+    return pd.DataFrame(rows).groupby(keys, as_index=False, sort=False).mean()
+
+
+def stakes(cases):
+    """{cause: what `at_stake.of_fit` wants} of `sized` cases.
+
+    The range is that of costs over those which all other captures say.
+    """
+    found = {}
+    for name, own in cases.groupby("cause"):
+        captures = own["capture"].unique()
+        if len(own) < STAKE_CASES or len(captures) < STAKE_CAPTURES:
+            continue
+        ratios = []
+        for capture in captures:
+            is_own = own["capture"] == capture
+            others = {"low": 1, "high": 1} | monotone(own[~is_own])
+            for row in own[is_own].itertuples():
+                expected = at_stake.of_fit(others, row.size)[1]
+                ratios.append(max(row.cost_db, 0.0) / max(expected, 0.1))
+        low, high = np.quantile(ratios, STAKE_RANGE)
+        ends = {"low": float(min(low, 1)), "high": float(max(high, 1))}
+        found[name] = monotone(own) | ends
+    return found
+
+
+def monotone(own):
+    """{sizes, db} of `sized` cases: the nearest costs that do not fall with size."""
+    costs = own["cost_db"].clip(lower=0).groupby(own["size"]).agg(["mean", "count"])
+    fit = optimize.isotonic_regression(costs["mean"], weights=costs["count"])
+    steps = np.split(costs.index.to_numpy(), fit.blocks[1:-1])
+    return {
+        "sizes": [float(np.mean(step)) for step in steps],
+        "db": fit.x[fit.blocks[:-1]].tolist(),
+    }
+
+
+def as_yaml(found):
+    """The text of at_stake.yaml, to three digits."""
+
+    def short(value):
+        if isinstance(value, dict | list):
+            pairs = value.items() if isinstance(value, dict) else enumerate(value)
+            made = {key: short(one) for key, one in pairs}
+            return made if isinstance(value, dict) else [*made.values()]
+        return float(f"{value:.3g}")
+
+    head = "# Made by `python -m tools.bench.limits stakes` of planted cases.\n"
+    return head + yaml.safe_dump(short(found), default_flow_style=None, width=88)
+
+
+def is_strong(table):
+    """[n] whether a fault costs enough of the held-out score, or stops a judgement."""
+    cost = cost_of(table)
     # What the capture has of itself is not told from what was planted.
     same = [
         any(
@@ -434,7 +520,7 @@ def wilson(right, count):
 
 def main(argv=None):
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("what", choices=("collect", "fit"))
+    parser.add_argument("what", choices=("collect", "fit", "stakes"))
     parser.add_argument("paths", type=Path, nargs="+")
     parser.add_argument("--captures", type=Path, nargs="+", default=[])
     parser.add_argument("--out", type=Path, required=True)
@@ -448,6 +534,10 @@ def main(argv=None):
     )
     if "trainer" not in table:
         table["trainer"] = math.nan
+    if args.what == "stakes":
+        with atomic.replace_file(args.out) as path:
+            path.write_text(as_yaml(stakes(sized(table))))
+        return
     found, strong = left_out(table)
     table["read_as"] = table["trainer"].fillna(table["reading"].map(READ_AS))
     table["strong"] = strong

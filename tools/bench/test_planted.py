@@ -8,6 +8,7 @@ import pandas as pd
 import pytest
 
 from alignerf.causes import exposure
+from alignerf.causes.shared import at_stake
 from tests import judged_cases
 from tests.alignerf.causes.cases import THEIRS
 from tests.alignerf.sfm import made
@@ -108,3 +109,25 @@ def test_limits_are_fitted_without_the_capture_that_they_judge(monkeypatch):
     # It is judged by limits that know nothing like it.
     assert [one.found for one in found[:2]] == [["exposure"], ["exposure"]]
     assert [one.found for one in found[2:]] == [[], ["exposure"]] * 2
+
+
+def test_a_cost_is_fitted_by_size_and_ranges_by_captures_that_are_left_out():
+    """Each capture suffers in its own measure; what one has twice does not fall."""
+    rows = [
+        {"cause": "c", "capture": f"c{i}", "size": size, "cost_db": factor * size}
+        for i, factor in enumerate((0.5, 1.0, 1.0, 1.0, 1.5))
+        for size in (1.0, 2.0, 4.0)
+    ]
+    fit = limits.stakes(pd.DataFrame(rows))["c"]
+    assert fit["sizes"] == pytest.approx([1.0, 2.0, 4.0])
+    assert fit["db"] == pytest.approx([1.0, 2.0, 4.0])
+    assert 0.4 < fit["low"] < 0.6
+    assert 1.5 < fit["high"] < 1.8
+    low, middle, high = at_stake.of_fit(fit, 3.0)
+    assert (low < middle < high, middle) == (True, pytest.approx(3.0))
+    assert at_stake.of_fit(fit, 0.0) == (0, 0, 0)
+    # Of what is larger than all that were planted, no more is claimed.
+    assert at_stake.of_fit(fit, 40.0)[1] == pytest.approx(4.0)
+    # A few cases, or those of a few captures, tell nothing.
+    assert limits.stakes(pd.DataFrame(rows[:4])) == {}
+    assert limits.stakes(pd.DataFrame(rows[:9])) == {}

@@ -31,6 +31,8 @@ LEFT = 0.4
 # Detail of another program's renders over their photos': in the second finest octave,
 # and in the finest over the third; renders of half the size have a third of it.
 MIN_DETAIL, MIN_FINEST = 0.32, 0.35
+# No two levels of 8 bits are so many stops apart.
+MOST_EV = 8.0
 
 
 def told_px(overfit_px):
@@ -58,7 +60,7 @@ def too_short(e):
 def detail(e):
     """Detail of renders over photos at two to four pixels, made as bright as these."""
     gain_ev = e.tone_gain_ev if math.isfinite(e.tone_gain_ev) else 0.0
-    return e.octaves[1] * 2**gain_ev
+    return e.octaves[1] * 2 ** min(gain_ev, MOST_EV)
 
 
 def finest(e):

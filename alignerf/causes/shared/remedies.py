@@ -66,9 +66,11 @@ def advise(e, *, only_paying=False):
 
 
 def warped_in_vain(e):
-    """Whether this run warped photos without a gain, by enough views.
+    """Advice where this run warped photos without a gain, by enough views; else "".
 
     A remedy that also moves cameras is for `advise` to judge.
     """
     lows = [gain.low for gain in e.tried if gain.warped and not gain.in_loop]
-    return bool(lows) and e.test_views >= misalignment.FEW_TEST_VIEWS and max(lows) <= 0
+    if not lows or e.test_views < misalignment.FEW_TEST_VIEWS or max(lows) > 0:
+        return ""
+    return "leave the photos as they are: warping them brought no significant gain."

@@ -20,18 +20,28 @@ from pathlib import Path
 NEEDED = {
     "captures": ("name", "what", "poses", "detect", "read"),
     "methods": ("key", "annotation", "field", "trainings", "words", "moves"),
-    "causes": ("name", "label", "unit", "find", "severity", "explains"),
+    "causes": ("name", "label", "unit", "find", "advice", "explains"),
     "test_sets": ("name", "pixels", "meaning", "needs", "make", "tables"),
     "systems": ("made", "kind", "near", "samples", "training"),
     "estimators": ("calculate", "min_side_px"),
 }
 # Of what kind some of these are: an object may say that it has whatever is asked for.
-TEXTS = ("name", "what", "label", "unit", "pixels", "meaning", "needs", "kind")
+TEXTS = (
+    "name",
+    "what",
+    "label",
+    "unit",
+    "pixels",
+    "meaning",
+    "needs",
+    "kind",
+    "advice",
+)
 CALLED = ("detect", "read", "trainings", "words", "moves", "find")
 CALLED += ("make", "made", "calculate")
 KINDS = dict.fromkeys(TEXTS, str) | dict.fromkeys(CALLED, Callable)
 KINDS |= dict.fromkeys(("poses", "tables", "explains"), tuple | list)
-KINDS |= dict.fromkeys(("min_side_px", "severity"), numbers.Real) | {"key": str | None}
+KINDS |= {"min_side_px": numbers.Real, "key": str | None}
 
 
 @functools.cache

@@ -123,5 +123,5 @@ def with_faults(*names, e=WELL, **changes):
 
 
 def named(e):
-    """The names of the causes, the gravest first."""
+    """The names of the causes, in their order."""
     return [finding.cause.name for finding in causes.find(e)]

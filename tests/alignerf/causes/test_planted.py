@@ -9,6 +9,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
+from alignerf.causes.shared import at_stake
 from tools.bench import limits
 
 TABLE = pd.read_csv(Path(__file__).with_name("planted.csv"), comment="#")
@@ -52,3 +53,13 @@ def test_a_splat_s_own_size_poses_and_length_are_told():
         row = splats.loc[name].to_dict() | {"capture": name.split("_")[0]}
         found = limits.judged(limits.of_row(row)).found
         assert found[:1] == [cause] * bool(cause), name
+
+
+def test_what_is_at_stake_follows_the_cases():
+    """`python -m tools.bench.limits stakes` makes it: new limits ask for it, too."""
+    found = limits.stakes(limits.sized(TABLE))
+    assert limits.as_yaml(found) == at_stake.FITS.read_text()
+    for name, fit in found.items():
+        assert fit["sizes"] == sorted(fit["sizes"]), name
+        assert fit["db"] == sorted(fit["db"]), name
+        assert fit["low"] <= 1 <= fit["high"], name
