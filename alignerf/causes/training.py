@@ -25,11 +25,11 @@ def find_others(e):
     """Of another program's, by its renders, unless poses explain these."""
     if not e.judged:
         return None
-    return base.beyond(
+    return base.Finding(
         misalignment.detail(e),
         misalignment.MIN_DETAIL,
+        False if misalignment.too_short(e) else None,
         more_is_better=True,
-        where=misalignment.too_short(e),
         detectable=not misalignment.explained_by_poses(e),
     )
 

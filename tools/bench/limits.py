@@ -457,7 +457,7 @@ def by_capture(table):
         {"capture": "all", "read_as": read_as} | counted(own)
         for read_as, own in table.groupby("read_as", sort=False)
     ]
-    return pd.DataFrame(rows)
+    return pd.DataFrame(rows).convert_dtypes()
 
 
 def by_fault(table):
@@ -499,23 +499,50 @@ def by_splat(table):
 
 
 def counted(own):
-    """What rows of the table come to, with Wilson's intervals in percent."""
+    """What rows of the table come to, with intervals over captures in percent."""
     planted_ones = own["faults"] != "nothing"
-    strong, clean = own[planted_ones & own["strong"]], own[~planted_ones]
-    first, quiet = strong["first_is_right"].sum(), (clean["found_count"] == 0).sum()
+    counts = {
+        "first": own["first_is_right"][planted_ones & own["strong"]],
+        "advised": pd.Series([*map(is_advised, own.to_dict("records"))], own.index),
+        "quiet": own["found_count"][~planted_ones] == 0,
+    }
     found = {"cases": len(own)}
-    for name, right, of in (("first", first, strong), ("quiet", quiet, clean)):
-        low, high = wilson(right, len(of))
-        found |= {name: int(right), f"{name}_of": len(of)}
-        found |= {f"{name}_low": round(100 * low), f"{name}_high": round(100 * high)}
+    for name, right in counts.items():
+        low, high = over_captures(right, own["capture"])
+        found |= {name: int(right.sum()), f"{name}_of": len(right)}
+        found |= {f"{name}_low": np.round(100 * low)}
+        found |= {f"{name}_high": np.round(100 * high)}
     return found | {"false_each": round(own["false"].mean(), 3)}
 
 
-def wilson(right, count):
-    """95 % interval of a share (Wilson 1927); all of it where nothing was counted."""
-    if not count:
-        return 0.0, 1.0
-    return tuple(stats.binomtest(int(right), count).proportion_ci(method="wilson"))
+def is_advised(row):
+    """Whether the first advice is on what is there: it is that on the first cause.
+
+    What is counted and what the capture has of itself is there, too. Nothing has to be
+    said of a fault that costs little.
+    """
+    first = row["found"].split(", ")[0]
+    there = FACTS.union(OWN.get(row["capture"], ()), *there_of(row))
+    return first in there if first else not (there_of(row) and row["strong"])
+
+
+def over_captures(right, captures):
+    """95 % interval of the share of `right` over captures drawn anew; else NaN.
+
+    Student's, of a ratio whose captures have unlike counts. Where all captures agree it
+    is Wilson's (1927) of as many cases as there are captures.
+    """
+    groups = right.groupby(captures)
+    count, share = groups.ngroups, right.mean()
+    if count < 2:
+        return math.nan, math.nan
+    off = groups.sum() - share * groups.count()
+    if np.allclose(off, 0):
+        agree = stats.binomtest(round(share * count), count)
+        return tuple(agree.proportion_ci(method="wilson"))
+    error = math.sqrt(count / (count - 1) * np.square(off).sum()) / len(right)
+    reach = stats.t.ppf(0.975, count - 1) * error
+    return max(share - reach, 0.0), min(share + reach, 1.0)
 
 
 def main(argv=None):

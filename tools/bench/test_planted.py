@@ -111,6 +111,45 @@ def test_limits_are_fitted_without_the_capture_that_they_judge(monkeypatch):
     assert [one.found for one in found[2:]] == [[], ["exposure"]] * 2
 
 
+def test_intervals_are_over_captures(rng):
+    """They hold the share of all captures where cases of one are alike."""
+    held, wide = 0, []
+    for _ in range(400):
+        shares = rng.beta(4, 1, 8)
+        captures = np.repeat(np.arange(8), rng.integers(10, 40, 8))
+        right = pd.Series(rng.random(len(captures)) < shares[captures])
+        low, high = limits.over_captures(right, pd.Series(captures))
+        held += low <= 0.8 <= high
+        wide.append(high - low)
+    assert 0.89 < held / 400 < 0.99
+    assert np.median(wide) < 0.4
+    same = pd.Series([True] * 12)
+    low, high = limits.over_captures(same, pd.Series(np.repeat(np.arange(6), 2)))
+    assert (round(low, 2), high) == (0.61, 1.0)
+    assert np.isnan(limits.over_captures(same, pd.Series([0] * 12))).all()
+
+
+@pytest.mark.parametrize(
+    ("found", "planted_one", "strong", "right"),
+    [
+        ("camera, exposure", "poses", True, True),
+        ("exposure, camera", "poses", True, False),
+        ("few_views, camera", "poses", True, True),
+        ("", "poses", True, False),
+        ("", "poses", False, True),
+        ("tone", "poses", False, False),
+        ("", "nothing", False, True),
+        ("exposure", "nothing", False, False),
+    ],
+)
+def test_the_first_advice_is_on_what_is_there(found, planted_one, strong, right):
+    row = {"found": found, "faults": planted_one, "strong": strong, "capture": "fox"}
+    assert limits.is_advised(row) == right
+    # Exposure of treehill changes as it is.
+    own = {"capture": "treehill", "found": "exposure"}
+    assert limits.is_advised(row | own)
+
+
 def test_a_cost_is_fitted_by_size_and_ranges_by_captures_that_are_left_out():
     """Each capture suffers in its own measure; what one has twice does not fall."""
     rows = [
