@@ -21,6 +21,7 @@ class Matches(NamedTuple):
     worst_px: how far the input cameras were from these, in the median and worst view.
     lens: what another lens alone explains, the input poses held; left: the same of the
     adjusted ones. named: the faults of the input cameras in words, the lens first.
+    kept: parts of the lens that the adjustment had free, and left as they came.
     """
 
     accepted: bool
@@ -32,6 +33,7 @@ class Matches(NamedTuple):
     lens: Lens | None = None
     left: Lens | None = None
     named: tuple[str, ...] = ()
+    kept: tuple[str, ...] = ()
 
 
 class Crops(NamedTuple):
@@ -62,12 +64,14 @@ class ExternalRenders(NamedTuple):
     depth: `given`, of `points`, or `far`; cameras: what told them, `none` where nothing
     did; layout: how the renders lay; before: of a judgement before this one, its name
     and shifts of training and held-out views in px of the photo; None without one.
+    trained_px: the longest side of the photos trained on, where the trainer says it.
     """
 
     depth: str
     cameras: str
     layout: str
     before: tuple | None = None
+    trained_px: float | None = None
 
 
 class Evidence(NamedTuple):

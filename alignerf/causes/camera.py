@@ -47,24 +47,31 @@ def shown(e):
         px, sure = e.crops.camera_px, e.crops.low_px > misalignment.CROP_PX
         said = f"in the crops {explained.format(base.length(px))}"
         return base.Finding(px, misalignment.CROP_PX, sure, said=said, stands=True)
-    # Matches that fit, and find nothing to correct, are the witness that denies it.
-    m = e.matches
-    denied = m and not m.accepted and m.before_px <= RIGHT_PX
-    told = misalignment.misaligned(e) and not misalignment.too_short(e) and not denied
+    told = misalignment.misaligned(e) and not misalignment.too_short(e)
+    told = told and not denied(e)
     if told and e.camera_px > PART_PX and not is_shared(e):
         px, sure = e.photo_px * e.camera_px, e.camera_px > 2 * PART_PX or poses_off
         said = explained.format(base.length(px))
         return base.Finding(px, limit_px, sure, said=said)
     if poses_off:
         said = "bundle adjustment of matches between photos moves them by "
-        said += base.length(m.pose_error_px)
-        return base.Finding(m.pose_error_px, limit_px, False, said=said)
+        said += base.length(e.matches.pose_error_px)
+        return base.Finding(e.matches.pose_error_px, limit_px, False, said=said)
     if coverage.is_sparse(e) and e.reprojection_px > REPROJECTION_PX:
         px = e.photo_px * e.reprojection_px
         said = f"points that several photos show lie {base.length(px)} from where the "
         found = base.beyond(px, e.photo_px * REPROJECTION_PX, explains=False)
         return found._replace(said=f"{said}cameras expect them")
     return None
+
+
+def denied(e):
+    """Whether matches deny that cameras are off; None where they are no witness.
+
+    Those that fit, and find nothing to correct, do.
+    """
+    m = e.matches
+    return m and bool(not m.accepted and m.before_px <= RIGHT_PX)
 
 
 def is_shared(e):

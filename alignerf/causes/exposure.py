@@ -11,6 +11,8 @@ from alignerf.causes.shared import misalignment
 # another. A slow change is learnt as a colour that depends on the direction, so that
 # no render shows it, and does less harm: a phone that exposes as it goes comes to 0.13.
 EXPOSURE_EV, SHARED_EV = 0.084, 0.16
+# A splat's flows stumble from so much of the first on; leaves that move have 0.11.
+BENDS_EV = 0.126
 # Of a curve common to all renders, in stops: at most 0.05 where nothing is wrong. Half
 # a stop makes flows stumble.
 TONE_EV, STRONG_EV = 0.1, 0.5
@@ -30,7 +32,13 @@ def find_changes(e):
     shown = max(known or told, key=lambda one: one[0] / one[1])
     # What points share is blurred by wrong poses; what all renders show is not.
     strong = e.exposure_ev > 2 * EXPOSURE_EV
-    return base.beyond(*shown, explains=strong, stands=strong)
+    return base.beyond(*shown, explains=e.exposure_ev > BENDS_EV, stands=strong)
+
+
+def disturbs(e):
+    """Whether brightness makes flows stumble, by what changes or what all have."""
+    found = filter(None, (find_changes(e), find_tone(e)))
+    return any(one.sure is not None and one.explains for one in found)
 
 
 def find_tone(e):
@@ -52,7 +60,7 @@ def find_tone(e):
         TONE_EV,
         said=", ".join(text for ev, text in parts if ev > TONE_EV),
         explains=most > STRONG_EV,
-        stands=max(e.tone_white_ev, abs(e.tone_gain_ev)) > TONE_EV,
+        stands=max(e.tone_white_ev, abs(e.tone_gain_ev)) > 2 * TONE_EV,
     )
 
 

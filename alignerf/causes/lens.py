@@ -4,14 +4,15 @@ Matches tell it where the poses, held as they are, fit with another lens. Withou
 the shift or the bend that all flows share tells it, of which a model absorbs most.
 """
 
-from alignerf.causes import base
+from alignerf.causes import base, exposure
 from alignerf.causes.shared import misalignment
 
 # Common to all views' flows, and beyond so many standard errors. A model absorbs nine
 # tenths of a shift.
 SHIFT_PX, BEND_PX, LENS_ERRORS = 0.045, 0.08, 3.0
-# And most of what photos are apart by.
-SHIFT_FRACTION = 0.5
+# And most of what photos are apart by. Where matches deny a shift of the cameras, that
+# of renders is all of it: 0.86 and more, a wrong lens or a curve of tone has 0.6.
+SHIFT_FRACTION, SHIFT_ALONE = 0.5, 0.8
 # By matches, in px of the photo at its corner; a focal length by as much.
 LENS_PX = 1.0
 # Of what any correction takes from the matches' error: from here on the lens has a part
@@ -30,7 +31,7 @@ CORRECTED = "train again with the corrected cameras: `{export}` writes them."
 def fraction(e):
     """Of what a correction takes from the matches' error at most, the lens's part."""
     found = of_cameras(e)
-    if not (found and found.changed):
+    if not (found and found.changed) or is_refused(e):
         return 0.0
     least = min(found.after_px, e.matches.after_px if corrects(e) else FLOOR_PX)
     return (found.before_px - found.after_px) / max(found.before_px - least, 1e-9)
@@ -39,6 +40,16 @@ def fraction(e):
 def of_cameras(e):
     """The `sfm.lens.Lens` of the cameras in use, input or adjusted ones; None."""
     return e.matches and (e.matches.left if e.matches.applied else e.matches.lens)
+
+
+def is_refused(e):
+    """Whether poses explain what the lens would, and the adjustment kept the lens.
+
+    In forward motion one stands for the other; poses then leave less of the error.
+    """
+    m, found = e.matches, of_cameras(e)
+    kept = set(found.changed) <= set(m.kept)
+    return kept and corrects(e) and m.after_px < found.after_px
 
 
 def by_matches(e):
@@ -86,23 +97,38 @@ def of_part(e, part, by_flows=None):
     by_flows: what flows say of it, where matches do not ask for it.
     """
     found = by_flows or base.Finding(0.0, LENS_PX)
+    if by_flows and is_disturbed(e, by_flows.value):
+        found = found._replace(sure=None, detectable=False)
     if px := part_px(e, part):
         sure = px > 2 * LENS_PX and fraction(e) >= LENS_FRACTION
         found = base.Finding(px, LENS_PX, sure)
     return found._replace(explains=is_alone(e), stands=px > 0)
 
 
+def is_disturbed(e, px):
+    """Whether flows are moved by what moves them more than a wrong lens.
+
+    px: what they say of it, of the photo. Of brightness they make no longer ones than
+    are called aligned.
+    """
+    is_small = px < e.photo_px * misalignment.ALIGNED_PX
+    off, short = misalignment.poses_off(e), misalignment.too_short(e)
+    return off or short or (is_small and exposure.disturbs(e))
+
+
 def find_shift(e):
     """All photos are shifted alike: the lens, or the origin of pixels."""
     px = e.photo_px * e.shift_px
-    is_rest = e.shift_px < SHIFT_FRACTION * misalignment.flow_px(e)
-    # Our trainings see the photos by the cameras that matches have tested.
-    denied = e.matches and e.matches.lens and not e.judged
+    # Our trainings see the photos by the cameras that matches have tested; renders of
+    # another program may still be drawn by others.
+    denied = is_asked(e) and not e.judged
+    least = SHIFT_ALONE if is_asked(e) else SHIFT_FRACTION
+    is_rest = e.shift_px < least * misalignment.flow_px(e)
     where = e.shift_errors > LENS_ERRORS and not (is_rest or denied)
     by_flows = base.beyond(px, e.photo_px * SHIFT_PX, where=where)
     found = of_part(e, "centre", by_flows)
     probably = base.probably(found.sure)
-    if found.stands:
+    if part_px(e, "centre"):
         said = f"The principal point is {probably}off: matches between photos put it "
         said += f"{base.length(found.value)} away"
         advice = CORRECTED if e.judged and corrects(e) else ""
@@ -114,7 +140,7 @@ def find_shift(e):
 
 def find_distortion(e):
     """All photos are bent alike."""
-    where = e.distortion_errors > LENS_ERRORS and not (e.matches and e.matches.lens)
+    where = e.distortion_errors > LENS_ERRORS and not is_asked(e)
     px, limit_px = e.photo_px * e.distortion_px, e.photo_px * BEND_PX
     return of_part(e, "distortion", base.beyond(px, limit_px, where=where))
 
@@ -124,7 +150,7 @@ def find_focal(e):
     if not is_asked(e):
         return None
     found = of_part(e, "focal")
-    if not found.stands:
+    if not part_px(e, "focal"):
         return found
     ratio = f"{by_matches(e).focal_ratio:.4f}"
     advice = f"multiply the focal length by {ratio}, or {FOCAL.advice}"

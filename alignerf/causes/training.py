@@ -1,6 +1,6 @@
 """Training was too short, or had smaller photos."""
 
-from alignerf.causes import base
+from alignerf.causes import base, blur, camera, exposure, lens
 from alignerf.causes.shared import misalignment
 
 # What twice the steps brought on courtyard, in dB (docs/measured/tradeoff.csv).
@@ -22,24 +22,39 @@ def find_ours(e):
 
 
 def find_others(e):
-    """Of another program's, by its renders, unless poses explain these."""
+    """Of another program's, by its renders, unless poses explain these.
+
+    Much softer ones are of no other fault; of softer ones no other may be known.
+    """
     if not e.judged:
         return None
+    short, least = misalignment.too_short(e), misalignment.SOFT_DETAIL
+    found = short or (misalignment.is_soft(e, least) and is_unexplained(e))
     return base.Finding(
         misalignment.detail(e),
-        misalignment.MIN_DETAIL,
-        False if misalignment.too_short(e) else None,
+        least,
+        short if found else None,
         more_is_better=True,
         detectable=not misalignment.explained_by_poses(e),
     )
 
 
+def is_unexplained(e):
+    """Whether nothing else is known that makes renders soft."""
+    others = (lens.find_focal, lens.find_shutter, exposure.find_changes)
+    found = [find(e) for find in (*others, blur.CAUSE.find)]
+    known = any(one and one.sure is not None for one in found)
+    return not (known or lens.by_matches(e)) and camera.denied(e) is not False
+
+
 def find_smaller(e):
     """Renders of another program that lack the photos' finest octave."""
-    if not e.judged:
+    if not e.judged or e.judged.trained_px:
         return None
     finest, least = misalignment.finest(e), misalignment.MIN_FINEST
-    return base.beyond(finest, least, more_is_better=True)
+    tells = misalignment.tells_size(e)
+    found = base.beyond(finest, least, more_is_better=True, where=tells)
+    return found._replace(detectable=tells)
 
 
 OURS = base.Cause(

@@ -14,6 +14,7 @@ import json
 import logging
 import math
 import os
+import re
 from pathlib import Path
 
 import cv2
@@ -37,6 +38,9 @@ VIEWS, LOOKED_AT = 4, 12
 NEARS, CLEARLY_DB = ((rasterize.NEAR, rasterize.MAX_ALPHA), (0.01, 0.999)), 0.02
 # Written by nerfstudio beside its checkpoints.
 NERFSTUDIO, ABOVE = "dataparser_transforms.json", 4
+# Of 3DGS beside its model: what was asked, a divisor of the photos or their width.
+OPTIONS, RESOLUTION = "cfg_args", re.compile(r"\bresolution=(-?\d+)")
+DIVIDES = (1, 2, 4, 8)
 # What is told of them, beside the renders.
 TOLD = "splat.json"
 # Fewer cameras do not fix a similarity.
@@ -60,7 +64,8 @@ def render(path, cameras: shots.Cameras, folder, files=(), background=None):
     few = some(seen, VIEWS)
     name, world, shows = world_of(path, gaussians, few, cameras)
     check_shown(path, gaussians, seen, world, shows)
-    longest_px = min(LONGEST_PX, trained_px(path))
+    known_px = trained_px(path)
+    longest_px = min(LONGEST_PX, known_px or LONGEST_PX)
     options = options_of(gaussians, few, world, longest_px)
     size = few[0].size(longest_px)
     log.info("%s: %d Gaussians, %dx%d px", path, len(gaussians.means), *size)
@@ -75,7 +80,7 @@ def render(path, cameras: shots.Cameras, folder, files=(), background=None):
             depth = np.where(made.alpha > 0.5, made.depth, np.inf) / scale_of(world)
             np.save(fresh / "depth" / f"{one.name}.npy", depth.astype(np.float32))
         told = {"gaussians": len(gaussians.means), "world": name, "likeness": shows}
-        told["background"] = background
+        told |= {"background": background, "trained_px": known_px}
         there = filter(os.path.isfile, files)
         told["files"] = {originals.named(p): originals.described(p) for p in there}
         (fresh / TOLD).write_text(json.dumps(told, indent=1) + "\n")
@@ -262,13 +267,22 @@ def trained_by(path):
 
 
 def trained_px(path):
-    """The longest side of the photos that a splat was trained on; inf where unknown.
+    """The longest side of the photos that a splat was trained on; None where unknown.
 
-    Rendered larger, it has less detail than the photos, which is no misalignment.
+    Rendered larger, it has less detail than the photos, which is no misalignment. 3DGS
+    writes the size of the photos, and beside it how much smaller it has made them.
     """
-    theirs = trained_by(path)
-    sizes = [max(shot.size) for shot in theirs.shots] if theirs else []
-    return max(sizes, default=math.inf)
+    if not (theirs := trained_by(path)):
+        return None
+    width_px = max(shot.size[0] for shot in theirs.shots)
+    longest_px = max(max(shot.size) for shot in theirs.shots)
+    for beside in above(path, OPTIONS):
+        told = RESOLUTION.search(faults.text(beside))
+        asked = int(told[1]) if told else -1
+        if asked not in DIVIDES:
+            asked = max(1.0, width_px / (asked if asked > 0 else LONGEST_PX))
+        return longest_px / asked
+    return longest_px
 
 
 def similarity(own, theirs):

@@ -255,7 +255,12 @@ def load(config, scratch):
     told |= {"background": config.background}
     renders_of = [pair.render.path for pair in judged.pairs]
     told["transparent"] = any(map(photos.may_be_transparent, renders_of))
-    told["of_splat"] = Path(keys.renders).with_name(splats.TOLD).is_file()
+    own = Path(keys.renders).with_name(splats.TOLD)
+    known_px = splats.trained_px(Path(keys.renders, splats.TOLD))
+    if told.setdefault("of_splat", own.is_file()):
+        known_px = json_files.read(own).get("trained_px")
+    # Renders that are larger lack detail.
+    told["trained_px"] = known_px if (known_px or 0) > 0.99 * max(judged.size) else None
     told |= of_depth(config, judged, views)
     beside = scratch / prepared.BESIDE
     beside.mkdir()

@@ -43,6 +43,8 @@ MAX_OFF = 0.15
 # which a focal length is, of the half diagonal by which the corner is, of the width by
 # which the centre is.
 POSES_PX, FOCAL, CORNER, CENTRE = 0.2, 2e-3, 1e-3, 2e-3
+# A focal length that changes by a smaller share is the same.
+SAME = 1e-5
 # Faults of a lens, in the order in which they are named.
 LENS = ["zoom", "focal_length", "principal_point", "distortion"]
 
@@ -220,6 +222,9 @@ def correct(
     told = search.judge(given, found.cameras).told() | {"accepted": True}
     told |= {"lens": lenses, "again": again or None}
     moved, off_px = difference(matched.names, right, found, photo_px)
+    # Parts of the lens that were free, and stay as they came.
+    kept = ["focal"] * (abs(moved["focal_ratio"] - 1) < SAME)
+    told["kept"] = kept + ["distortion"] * (lens and not moved["distortion"])
     told |= moved | {"still_off": still_off(matched, found.cameras, photo_px)}
     size = matched.width, matched.height
     unrelated |= not 1 / MAX_SCALE < told["scale"] < MAX_SCALE

@@ -22,7 +22,8 @@ from alignerf.verdict import seen, views
 
 # What it takes from a poses.json, and from a timing.json.
 NUMBER, OrNone = json_files.NUMBER, json_files.OrNone
-TEXTS = ("depth", "cameras", "layout")
+JUDGED = dict.fromkeys(("depth", "cameras", "layout"), OrNone(str))
+JUDGED |= {"trained_px": OrNone(json_files.positive)}
 LENS = dict.fromkeys(Lens._fields, json_files.NUMBER_OR_NONE) | {"changed": [str]}
 LENSES = {"lens": OrNone(dict.fromkeys(("given", "adjusted"), OrNone(LENS)))}
 LENSES |= {"faults": OrNone([{"kind": str, "said": str}])}
@@ -30,7 +31,7 @@ POSES = prepared.POSES | {
     "poses": str,
     "perturb_px": NUMBER,
     "camera_check": OrNone(prepared.CHECKED | LENSES),
-    "external_renders": OrNone(dict.fromkeys(TEXTS, OrNone(str))),
+    "external_renders": OrNone(JUDGED),
 }
 LENGTHS = ("flow_train_px", "flow_test_px")
 BEFORE = dict.fromkeys(LENGTHS, OrNone(NUMBER)) | {"photo_px": NUMBER}
@@ -227,6 +228,7 @@ def of_matches(poses):
         *map(number, (told["before_px"], told.get("after_px"), *off)),
         *(lens_told(lenses.get(name)) for name in ("given", "adjusted")),
         tuple(fault["said"] for fault in faults),
+        tuple(told.get("kept") or ()),
     )
 
 

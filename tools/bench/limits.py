@@ -185,7 +185,9 @@ def flat(known):
                 if isinstance(one, Lens):
                     own = one._asdict() | {"changed": " ".join(one.changed)}
                     cells |= {f"{name}_{part}": v for part, v in own.items()}
-                elif name not in ("lens", "left"):
+                elif isinstance(one, tuple):
+                    cells[f"matches_{name}"] = " ".join(one)
+                elif one is not None:
                     cells[f"matches_{name}"] = one
         elif isinstance(value, int | float):
             cells[key] = value
@@ -216,7 +218,7 @@ def matches_of(row):
         return None
     lenses = {}
     for name in ("lens", "left"):
-        own = {key: row[f"{name}_{key}"] for key in Lens._fields}
+        own = {key: row.get(f"{name}_{key}", math.nan) for key in Lens._fields}
         if math.isfinite(own["before_px"]):
             changed = own["changed"]
             own["changed"] = changed.split() if isinstance(changed, str) else []
@@ -224,10 +226,13 @@ def matches_of(row):
     own = {
         key: row[f"matches_{key}"]
         for key in of_causes.Matches._fields
-        if key not in ("lens", "left", "named")
+        if key not in ("lens", "left", "named", "kept")
     }
-    flags = {key: bool(own[key]) for key in ("accepted", "applied")}
-    return of_causes.Matches(**own | flags | lenses)
+    own |= {key: bool(own[key]) for key in ("accepted", "applied")}
+    # Older rows do not say it.
+    kept = row.get("matches_kept")
+    own["kept"] = tuple(kept.split()) if isinstance(kept, str) else ()
+    return of_causes.Matches(**own | lenses)
 
 
 def there_of(row):

@@ -10,7 +10,7 @@ import pytest
 from alignerf.causes import exposure
 from alignerf.causes.shared import at_stake
 from tests import judged_cases
-from tests.alignerf.causes.cases import THEIRS
+from tests.alignerf.causes.cases import MATCHES, THEIRS
 from tests.alignerf.sfm import made
 from tools.bench import faults, limits, planted
 
@@ -82,13 +82,16 @@ def test_cases_are_those_of_the_registry():
 
 def test_an_evidence_outlives_the_table(tmp_path):
     row = {"capture": "a", "reading": "renders", "refused": math.nan}
-    row |= {"faults": "poses", "seed": 0, "score_db": 20.0} | limits.flat(THEIRS)
+    known = THEIRS._replace(matches=MATCHES._replace(kept=("focal", "distortion")))
+    row |= {"faults": "poses", "seed": 0, "score_db": 20.0} | limits.flat(known)
     pd.DataFrame([row]).to_csv(tmp_path / "rows.csv", index=False)
     (again,) = pd.read_csv(tmp_path / "rows.csv").to_dict("records")
     found = limits.evidence_of(again)
     assert found.octaves == pytest.approx(THEIRS.octaves)
     assert found.flow_train_px == THEIRS.flow_train_px
-    assert found.matches is None
+    assert found.matches.kept == known.matches.kept
+    older = {key: one for key, one in again.items() if "matches" not in key}
+    assert limits.evidence_of(older).matches is None
 
 
 def test_limits_are_fitted_without_the_capture_that_they_judge(monkeypatch):

@@ -28,9 +28,13 @@ FEW_TEST_VIEWS, FEW_TRAIN_VIEWS = 5, 12
 FEW_EPOCHS = 0.5
 # Of the matches' error, what wrong poses leave once they are corrected.
 LEFT = 0.4
-# Detail of another program's renders over their photos': in the second finest octave,
-# and in the finest over the third; renders of half the size have a third of it.
-MIN_DETAIL, MIN_FINEST = 0.32, 0.35
+# Detail of another program's renders over their photos', in the second finest octave:
+# of too short a training; and what leaves that open.
+MIN_DETAIL, SOFT_DETAIL = 0.32, 0.5
+# In the finest octave over the second: of smaller photos up to 0.41, of short
+# trainings, which lack the second, too, from 0.61 on, and by wrong poses from 0.46 on.
+# Of renders that lack the third it says nothing.
+MIN_FINEST, MIN_FINEST_POSES, MIN_THIRD = 0.5, 0.43, 0.5
 # No two levels of 8 bits are so many stops apart.
 MOST_EV = 8.0
 
@@ -52,8 +56,7 @@ def too_short(e):
     these blur renders, too.
     """
     if e.judged:
-        is_soft = detail(e) < MIN_DETAIL and not is_smaller(e)
-        return is_soft and not explained_by_poses(e)
+        return is_soft(e) and not explained_by_poses(e)
     return e.epochs < FEW_EPOCHS / 2
 
 
@@ -63,14 +66,29 @@ def detail(e):
     return e.octaves[1] * 2 ** min(gain_ev, MOST_EV)
 
 
+def is_soft(e, least=MIN_DETAIL):
+    """Whether renders lack more detail than those of smaller photos do."""
+    return detail(e) < least and not is_smaller(e)
+
+
 def finest(e):
-    """Detail of renders over photos in the finest octave, over that in the third."""
-    return e.octaves[0] / max(e.octaves[2], 1e-6)
+    """Detail of renders over photos in the finest octave, over that in the second."""
+    return e.octaves[0] / max(e.octaves[1], 1e-6)
+
+
+def tells_size(e):
+    """Whether renders tell the size of the photos that were trained on.
+
+    They do not where they lack coarser octaves, too, where wrong poses may be what
+    takes the finest, and where the trainer says it.
+    """
+    by_poses = poses_off(e) and finest(e) > MIN_FINEST_POSES
+    return not (e.judged.trained_px or by_poses or e.octaves[2] < MIN_THIRD)
 
 
 def is_smaller(e):
     """Whether another program's renders are of smaller photos: an octave is missing."""
-    return finest(e) < MIN_FINEST
+    return tells_size(e) and finest(e) < MIN_FINEST
 
 
 def poses_off(e):

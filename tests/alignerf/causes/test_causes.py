@@ -23,6 +23,21 @@ ACCEPTED = base.Matches(
     worst_px=4.0,
 )
 DENIED = ACCEPTED._replace(accepted=False, before_px=0.4)
+# A part of what renders are apart by is the same in all.
+SHIFTED = {"shift_px": 0.12, "shift_errors": 5.0, "flow_train_px": 0.2}
+FORWARD = ACCEPTED._replace(
+    kept=("focal", "distortion"),
+    before_px=8.0,
+    lens=cases.FINE._replace(
+        changed=["distortion"], distortion_px=21.8, before_px=8.0, after_px=4.0
+    ),
+)
+SPLAT = {
+    "octaves": (0.01, 0.1, 0.6, 0.8, 0.9),
+    "judged": cases.JUDGED._replace(trained_px=960),
+    "distortion_px": 0.3,
+    "distortion_errors": 6.0,
+}
 # Half a pixel in x and y, by a wrong origin of pixels.
 ORIGIN = {"shift_px": 0.8, "shift_errors": 20.0}
 
@@ -182,6 +197,40 @@ def test_no_cause_waits_for_itself():
 )
 def test_what_is_named(changes, named):
     assert cases.named(WELL._replace(**changes)) == named
+
+
+@pytest.mark.parametrize(
+    ("changes", "named"),
+    [
+        # An adjustment finds nothing to improve; brightness moves flows a little.
+        (SHIFTED | {"exposure_ev": 0.15, "moved_fraction": 0.11}, ["exposure"]),
+        (SHIFTED, []),
+        # Renders that another program draws half a pixel off: nothing else moves.
+        (SHIFTED | {"shift_px": 0.19}, ["lens_shift"]),
+        # In forward motion a lens stands for poses; it was free, and was refused.
+        ({"matches": FORWARD}, ["camera"]),
+        ({"matches": FORWARD._replace(kept=("focal",))}, ["camera", "lens_distortion"]),
+        # A tenth of the steps: the second octave is gone, too.
+        ({"octaves": (0.27, 0.42, 0.8, 1.0, 1.0)}, ["undertrained_renders"]),
+        ({"octaves": (0.17, 0.42, 0.8, 1.0, 1.0)}, ["half_size"]),
+        ({"octaves": (0.01, 0.1, 0.3, 0.5, 0.8)}, ["undertrained_renders"]),
+        # And where a known fault may be what blurs them.
+        ({"octaves": (0.27, 0.42, 0.8, 1.0, 1.0), "exposure_ev": 0.1}, ["exposure"]),
+        # A splat of few steps, by a phone's poses, which knows its photos' size; then
+        # by corrected cameras.
+        (SHIFTED | SPLAT | {"matches": FORWARD}, ["camera"]),
+        (SPLAT | {"tone_gain_ev": 0.15}, ["undertrained_renders"]),
+        # Wrong poses take the finest octave, but not all of it.
+        ({"octaves": (0.3, 0.64, 0.9, 1.0, 1.0), "matches": ACCEPTED}, ["camera"]),
+        (
+            {"octaves": (0.2, 0.64, 0.9, 1.0, 1.0), "matches": ACCEPTED},
+            ["camera", "half_size"],
+        ),
+    ],
+)
+def test_what_is_explained_away(changes, named):
+    e = THEIRS._replace(matches=cases.MATCHES)
+    assert cases.named(e._replace(**changes)) == named
 
 
 @pytest.mark.parametrize(

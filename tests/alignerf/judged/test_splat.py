@@ -137,6 +137,13 @@ def test_the_cameras_of_its_training_tell_its_world(project):
     small = cv2.imread(str(folder / "small" / "rgb" / "v03.png"))
     # As large as the photos that it was trained on.
     assert small.shape[:2] == (SIZE[1] // 2, SIZE[0] // 2)
+    assert splat.trained_px(path) == max(SIZE) // 2
+    # 3DGS writes the photos' own size, and how much smaller it has made them.
+    for asked, px in ((-1, 1), (1, 1), (2, 0.5), (SIZE[0] // 8, 0.25)):
+        noted = f"Namespace(sh_degree=3, resolution={asked}, source_path='a')"
+        (folder / "cfg_args").write_text(noted)
+        assert splat.trained_px(path) == px * max(SIZE) // 2
+    (folder / "cfg_args").unlink()
     (folder / "cameras.json").write_text("[{}]")
     with pytest.raises(ValueError, match="does not show the photos"):
         splat.render(path, cameras, folder / "again")

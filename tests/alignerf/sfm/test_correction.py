@@ -216,8 +216,10 @@ def test_a_lens_is_found_where_the_matches_show_it(rng, tmp_path, bent):
     if bent:
         assert told["distortion"][0] == pytest.approx(0.2, abs=0.03)
         assert kinds(told)[0] == "distortion"
+        assert "distortion" not in told["kept"]
     else:
         assert told["distortion"] is None
+        assert told["kept"][-1:] == ["distortion"]
     assert np.median(error_px(true, found)) < 0.3
 
 
