@@ -64,7 +64,7 @@ def content_of(known, rows):
         **told,
         "gains": [g._asdict() | {"pays": remedies.pays(known, g)} for g in brought],
         "evidence": numbers,
-        "stands_out": {row.view: row.stands_out for row in rows if row.stands_out},
+        "stands_out": {row.view: row.stands_out for row in views.odd(rows)},
     }
 
 

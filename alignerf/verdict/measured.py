@@ -7,6 +7,7 @@ import math
 
 from alignerf.causes.base import length
 from alignerf.causes.shared import misalignment
+from alignerf.verdict import views as of_views
 
 # Why crops tell nothing.
 NOTHING_TOLD = {
@@ -32,7 +33,7 @@ def sentences(e, views):
         return poses(e)
     of_crops = crops(e) if e.crops else []
     of_others = judged(e) if e.judged else []
-    odd = [f"{view.view}: {view.stands_out}" for view in views if view.stands_out]
+    odd = [f"{view.view}: {view.stands_out}" for view in of_views.odd(views)]
     more = f"; {len(odd) - 3} more in tables/views.csv" if len(odd) > 3 else ""
     photos = [f"Photos that stand out: {'; '.join(odd[:3])}{more}."] if odd else []
     return [*poses(e), *of_crops, whole_photos(e), *of_others, *photos, *perturbed(e)]

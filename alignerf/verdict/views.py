@@ -13,6 +13,8 @@ from alignerf.metrics import image as image_metrics
 
 # A view stands out where it is so many median deviations from the views' median.
 STANDS_OUT = 5.0
+# In a split of fewer views chance makes a spread small.
+FEW = 12
 MAX_DB = 100.0
 # A flow finds no place in a window whose 8-bit levels deviate by less: a sky has 0.8.
 WINDOW_PX, FLAT_LEVELS = 15, 2.0
@@ -90,20 +92,45 @@ def exposure_ev(photo, render, valid):
 
 
 def named(views):
-    """The views, each with why it stands out among those of its split."""
+    """The views, each with why it stands out among those of its split.
+
+    A view of a small split has to stand out among all, too.
+    """
     rows = list(views)
+    far_off = [far(rows, key, sign) for key, sign, _ in REASONS]
     for split in ("train", "test"):
         places = [i for i, view in enumerate(rows) if view.split == split]
         if len(places) < 5:
             continue
-        for key, sign, what in REASONS:
-            values = np.array([getattr(rows[i], key) for i in places], float)
-            far_off = deviations(values, MIN_SPREADS.get(key)) * sign
-            for i, far in zip(places, far_off, strict=True):
-                if far > STANDS_OUT:
-                    why = "; ".join(filter(None, [rows[i].stands_out, what]))
-                    rows[i] = rows[i]._replace(stands_out=why)
+        for (key, sign, what), of_all in zip(REASONS, far_off, strict=True):
+            own = far([rows[i] for i in places], key, sign)
+            if len(places) < FEW:
+                own = np.minimum(own, of_all[places])
+            for i in np.array(places)[own > STANDS_OUT]:
+                why = "; ".join(filter(None, [rows[i].stands_out, what]))
+                rows[i] = rows[i]._replace(stands_out=why)
     return rows
+
+
+def odd(views):
+    """The views that stand out, first those that are the farthest from all others.
+
+    Before them those whose reason is none of a number.
+    """
+    rows = list(views)
+    farthest = np.full(len(rows), -np.inf)
+    for key, sign, what in REASONS:
+        is_why = [what in one.stands_out for one in rows]
+        own = np.where(is_why, far(rows, key, sign), -np.inf)
+        farthest = np.maximum(farthest, own)
+    order = np.argsort(np.where(np.isfinite(farthest), -farthest, -np.inf))
+    return [rows[i] for i in order if rows[i].stands_out]
+
+
+def far(views, key, sign):
+    """[n] how far each view is out, by a number and on one side of the others'."""
+    values = np.array([getattr(one, key) for one in views], float)
+    return sign * deviations(values, MIN_SPREADS.get(key))
 
 
 # What makes a view stand out, and in which direction.

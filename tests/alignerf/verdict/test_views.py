@@ -86,6 +86,28 @@ def test_a_sky_has_no_texture_and_grain_on_it_none(rng):
     assert found[50:].all()
 
 
+@pytest.mark.parametrize("seed", range(20))
+def test_the_farthest_photo_is_told_first_and_six_are_compared_with_all(seed):
+    """Six held-out ones that are alike made one at 3.0 px stand out beside 5.7."""
+    rng = np.random.default_rng(seed)
+    px = [*rng.uniform(0.2, 6, 24), *rng.normal(0.5, 0.02, 5), 3.0]
+    splits = ["train"] * 24 + ["test"] * 6
+    rows = [
+        view(str(i), camera_px=each, flow_px=each, split=split)
+        for i, (each, split) in enumerate(zip(px, splits, strict=True))
+    ]
+    assert not views.odd(views.named(rows))
+    right = [one._replace(camera_px=0.1) for one in rows]
+    places = rng.permutation(30)[:3]
+    for place, each in zip(places, (2.0, 9.0, 5.0), strict=True):
+        right[place] = right[place]._replace(camera_px=each)
+    found = views.odd(views.named(right))
+    assert [one.camera_px for one in found] == [9.0, 5.0, 2.0]
+    # A render of another photo is told before all others.
+    swapped = [*found, view("swapped", stands_out="shows view_7")]
+    assert [one.view for one in views.odd(swapped)][0] == "swapped"
+
+
 def test_somebody_in_a_few_photos_stands_out():
     rows = [view(str(i), psnr_db=29 + 0.3 * (i % 5)) for i in range(18)]
     rows += [view(f"late{db}", psnr_db=db) for db in (17, 19, 20, 20.9, 18, 19)]
