@@ -112,6 +112,7 @@ class Evidence(NamedTuple):
     tone_gain_ev: float = math.nan
     tone_gamma: float = math.nan
     tone_white_ev: float = math.nan
+    exchanged: float = math.nan
     # Photos that lie there twice; views that a floater hides a part of.
     copies: int = 0
     hidden_views: float = 0

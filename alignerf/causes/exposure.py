@@ -13,6 +13,9 @@ from alignerf.causes.shared import misalignment
 EXPOSURE_EV, SHARED_EV = 0.084, 0.16
 # A splat's flows stumble from so much of the first on; leaves that move have 0.11.
 BENDS_EV = 0.126
+# What renders leave of the difference with red and blue exchanged: those in BGR up to
+# 0.67 of it, all others 1.6 times as much and more.
+EXCHANGED = 0.9
 # Of a curve common to all renders, in stops: at most 0.05 where nothing is wrong. Half
 # a stop makes flows stumble.
 TONE_EV, STRONG_EV = 0.1, 0.5
@@ -41,6 +44,21 @@ def disturbs(e):
     return any(one.sure is not None and one.explains for one in found)
 
 
+def find_channels(e):
+    """Whether renders of another program are in BGR.
+
+    Three gains, and a curve, are tried only where one gain does not leave less once red
+    and blue are exchanged.
+    """
+    if not e.judged:
+        return None
+    found = True if e.exchanged < EXCHANGED else None
+    measured = f"exchanged, they leave {base.number(e.exchanged)} of the difference"
+    return base.Finding(
+        e.exchanged, EXCHANGED, found, more_is_better=True, measured=measured
+    )
+
+
 def find_tone(e):
     """A curve common to all renders of another program, by its largest part in stops.
 
@@ -60,7 +78,8 @@ def find_tone(e):
         TONE_EV,
         said=", ".join(text for ev, text in parts if ev > TONE_EV),
         explains=most > STRONG_EV,
-        stands=max(e.tone_white_ev, abs(e.tone_gain_ev)) > 2 * TONE_EV,
+        stands=max(e.tone_white_ev, abs(e.tone_gain_ev)) > 2 * TONE_EV
+        and not find_channels(e).sure,
     )
 
 
@@ -91,4 +110,24 @@ TONE = base.Cause(
     advice="write the renders in sRGB, as the photos are, and judge again: "
     "linear colors, or a gamma curve applied twice, shift all of them.",
 )
-CAUSE = [CHANGES, TONE]
+CHANNELS = base.Cause(
+    name="channels",
+    label="red and blue of the renders",
+    unit="of the difference",
+    find=find_channels,
+    severity=97,
+    explains=(
+        *TONE.explains,
+        "tone",
+        "exposure",
+        "camera",
+        "lens_shift",
+        "lens_distortion",
+    ),
+    spoils="red and blue are exchanged",
+    called="red and blue are exchanged",
+    sentence="Red and blue are exchanged: the renders are in BGR.",
+    advice="write the renders in RGB (OpenCV's imwrite takes BGR), and judge again.",
+    fix="brightness",
+)
+CAUSE = [CHANGES, TONE, CHANNELS]

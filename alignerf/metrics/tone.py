@@ -18,6 +18,8 @@ DARKEST, BRIGHTEST = 8.0, 247.0
 MIN_LEVELS = 20
 # Standard deviation of levels that a curve can be told from, in stops.
 MIN_CONTRAST_EV = 0.1
+# Levels of two pictures differ by so much anyhow.
+CLEAR_EV = 0.005
 
 
 class Levels(NamedTuple):
@@ -32,13 +34,16 @@ class Tone(NamedTuple):
 
     middle: the renders' median level. gamma: NaN where they have no contrast. white_ev:
     stops between the channel whose gain is highest and the one whose gain is lowest.
-    even_ev [n]: what is left of each view, its own exposure.
+    even_ev [n]: what is left of each view, its own exposure. exchanged: what is left
+    where the renders' red and blue are exchanged, by one gain of a view, over what is
+    left where they are not, by one of each channel: below 1 they are BGR.
     """
 
     gain_ev: float
     gamma: float
     white_ev: float
     even_ev: np.ndarray
+    exchanged: float = math.nan
 
 
 def levels_of(photo, render, counts):
@@ -85,7 +90,19 @@ def of_views(views) -> Tone:
     )
     each = np.median(gains, axis=0)
     even_ev[known] = gains.mean(axis=1) - each.mean()
-    return Tone(float(each.mean()), gamma, float(np.ptp(each)), even_ev)
+    white_ev, left = float(np.ptp(each)), exchanged(some, power)
+    return Tone(float(each.mean()), gamma, white_ev, even_ev, left)
+
+
+def exchanged(views, power):
+    """What one gain leaves of renders in BGR, over what three leave of them in RGB."""
+    left = np.full(2, 1e-9)
+    for view in views:
+        straight = view.photo - power * view.render
+        other = view.photo - power * view.render[:, ::-1]
+        other, straight = other - np.median(other), straight - np.median(straight, 0)
+        left += [np.abs(one).sum() + CLEAR_EV * one.size for one in (other, straight)]
+    return float(left[0] / left[1])
 
 
 def slope(x, y):

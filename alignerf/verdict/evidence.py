@@ -110,6 +110,7 @@ def sums_of(found):
         "tone_gain_ev": common.gain_ev,
         "tone_gamma": common.gamma,
         "tone_white_ev": common.white_ev,
+        "exchanged": common.exchanged,
         "exposure_ev": max(filter(math.isfinite, exposures), default=math.nan),
         "hidden_views": hidden_views(hidden),
         "flow_train_px": median(train["flow_px"]),

@@ -410,7 +410,7 @@ PLANTS = {
         after=of_images(lambda renders, ev: toned(renders, stops=(ev, 0, -ev))),
     ),
     "channels": Plant(
-        ("tone", "pairs"),
+        ("channels", "pairs"),
         (1.0,),
         "of the renders in BGR",
         after=of_images(lambda renders, share: renders[..., ::-1]),

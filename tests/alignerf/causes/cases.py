@@ -37,6 +37,7 @@ WELL = base.Evidence(
     tone_gain_ev=0.0,
     tone_gamma=1.0,
     tone_white_ev=0.0,
+    exchanged=4.0,
 )
 # Matches that find nothing to correct.
 FINE = lens.Lens([], 1.0, 0.0, 0.0, 0.0, before_px=0.16, after_px=0.16)
@@ -77,6 +78,7 @@ FAULTS = {
 # Of another program's renders alone.
 OF_RENDERS = {
     "tone": {"tone_gain_ev": 0.33},
+    "channels": {"exchanged": 0.6, "tone_white_ev": 0.8},
     "half_size": {"octaves": (0.1, 0.7, 0.97, 0.98, 1.0)},
     "floaters": {"hidden_views": 9},
     "undertrained_renders": {"octaves": (0.2, 0.2, 0.3, 0.5, 0.7)},

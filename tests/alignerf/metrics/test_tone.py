@@ -49,6 +49,16 @@ def test_gain_gamma_and_white_balance_are_told_apart():
     assert red.gamma == pytest.approx(1.0, abs=0.02)
 
 
+@pytest.mark.parametrize("stops", [(0.0,) * 3, (0.3, 0.0, -0.3), (-0.4, 0.1, 0.4)])
+def test_bgr_is_told_from_another_white_balance(stops):
+    """By photos that have colours; grey ones say nothing."""
+    assert of(rendered(stops)).exchanged > 1.5
+    assert of([one[..., ::-1] for one in rendered(gamma=1.2)]).exchanged < 0.7
+    grey = np.repeat(PHOTOS[0][..., :1], 3, axis=-1)
+    levels = tone.levels_of(grey, grey, EVERYWHERE)
+    assert tone.of_views([levels]).exchanged == pytest.approx(1)
+
+
 def test_what_is_left_is_each_view_s_exposure():
     """A gamma that all have is none of it."""
     stops = np.linspace(-0.3, 0.3, len(PHOTOS))

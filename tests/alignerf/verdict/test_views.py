@@ -105,7 +105,7 @@ def test_the_farthest_photo_is_told_first_and_six_are_compared_with_all(seed):
     assert [one.camera_px for one in found] == [9.0, 5.0, 2.0]
     # A render of another photo is told before all others.
     swapped = [*found, view("swapped", stands_out="shows view_7")]
-    assert [one.view for one in views.odd(swapped)][0] == "swapped"
+    assert views.odd(swapped)[0].view == "swapped"
 
 
 def test_somebody_in_a_few_photos_stands_out():
