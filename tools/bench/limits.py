@@ -564,12 +564,12 @@ def main(argv=None):
     table = pd.concat(
         [pd.read_csv(path, comment="#") for path in args.paths], ignore_index=True
     )
-    if "trainer" not in table:
-        table["trainer"] = math.nan
     if args.what == "stakes":
         with atomic.replace_file(args.out) as path:
             path.write_text(as_yaml(stakes(sized(table))))
         return
+    if "trainer" not in table:
+        table["trainer"] = math.nan
     found, strong = left_out(table)
     table["read_as"] = table["trainer"].fillna(table["reading"].map(READ_AS))
     table["strong"] = strong

@@ -35,8 +35,6 @@ MIN_DETAIL, SOFT_DETAIL = 0.32, 0.5
 # trainings, which lack the second, too, from 0.61 on, and by wrong poses from 0.46 on.
 # Of renders that lack the third it says nothing.
 MIN_FINEST, MIN_FINEST_POSES, MIN_THIRD = 0.5, 0.43, 0.5
-# No two levels of 8 bits are so many stops apart.
-MOST_EV = 8.0
 
 
 def told_px(overfit_px):
@@ -63,7 +61,7 @@ def too_short(e):
 def detail(e):
     """Detail of renders over photos at two to four pixels, made as bright as these."""
     gain_ev = e.tone_gain_ev if math.isfinite(e.tone_gain_ev) else 0.0
-    return e.octaves[1] * 2 ** min(gain_ev, MOST_EV)
+    return e.octaves[1] * 2**gain_ev
 
 
 def is_soft(e, least=MIN_DETAIL):

@@ -436,6 +436,9 @@ def generated(rng):
         e = [WELL, THEIRS][rng.integers(2)]
         chosen = rng.choice(numbers, 5)
         changes = dict(zip(chosen, map(float, rng.choice(values, 5)), strict=True))
+        if "tone_gain_ev" in changes:
+            # No two levels of 8 bits are further apart.
+            changes["tone_gain_ev"] = min(changes["tone_gain_ev"], 8.0)
         changes |= {rng.choice(counts): int(rng.choice([0, 1, 4, 40, 10**9]))}
         if rng.random() < 0.3:
             changes["octaves"] = tuple(map(float, rng.choice(values, 5)))
