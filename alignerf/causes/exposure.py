@@ -115,7 +115,6 @@ CHANNELS = base.Cause(
     label="red and blue of the renders",
     unit="of the difference",
     find=find_channels,
-    severity=97,
     explains=(
         *TONE.explains,
         "tone",
@@ -128,6 +127,5 @@ CHANNELS = base.Cause(
     called="red and blue are exchanged",
     sentence="Red and blue are exchanged: the renders are in BGR.",
     advice="write the renders in RGB (OpenCV's imwrite takes BGR), and judge again.",
-    fix="brightness",
 )
 CAUSE = [CHANGES, TONE, CHANNELS]
