@@ -316,8 +316,8 @@ def fitted(cases, strong):
 
 @contextlib.contextmanager
 def restored():
-    """The limits as they are now, again at the end."""
-    before = {key: getattr(*key) for key in LIMITS}
+    """The limits and what is at stake as they are now, again at the end."""
+    before = {key: getattr(*key) for key in (*LIMITS, (at_stake, "fits"))}
     try:
         yield
     finally:
@@ -326,15 +326,17 @@ def restored():
 
 
 def left_out(table):
-    """The table with what each row was judged by limits of all other captures."""
+    """The table with what each row was judged by limits and stakes of all others."""
     cases = [of_row(row) for row in table.to_dict("records")]
     strong = is_strong(table)
     found = [None] * len(table)
     for capture in sorted(set(table["capture"])):
         own = (table["capture"] == capture).to_numpy()
         chosen = np.flatnonzero(~own)
-        limits = fitted([cases[i] for i in chosen], strong[chosen])
         with restored():
+            of_others = stakes(sized(table[~own]))
+            at_stake.fits = lambda of_others=of_others: of_others
+            limits = fitted([cases[i] for i in chosen], strong[chosen])
             for key, value in limits.items():
                 setattr(*key, value)
             for i in np.flatnonzero(own):
@@ -387,7 +389,8 @@ def sized(table):
             kept = {key: row[key] for key in (*keys, "cost_db")}
             rows.append(kept | {"cause": cause, "size": looked[cause].size})
     keys = ["cause", *keys]
-    return pd.DataFrame(rows).groupby(keys, as_index=False, sort=False).mean()
+    cases = pd.DataFrame(rows, columns=[*keys, "size", "cost_db"])
+    return cases.groupby(keys, as_index=False, sort=False).mean()
 
 
 def stakes(cases):
@@ -415,9 +418,12 @@ def stakes(cases):
 
 def monotone(own):
     """{sizes, db} of `sized` cases: the nearest costs that do not fall with size."""
-    costs = own["cost_db"].clip(lower=0).groupby(own["size"]).agg(["mean", "count"])
-    fit = optimize.isotonic_regression(costs["mean"], weights=costs["count"])
-    steps = np.split(costs.index.to_numpy(), fit.blocks[1:-1])
+    sizes, places, counts = np.unique(
+        own["size"], return_inverse=True, return_counts=True
+    )
+    costs = np.bincount(places, own["cost_db"].clip(lower=0)) / counts
+    fit = optimize.isotonic_regression(costs, weights=counts)
+    steps = np.split(sizes, fit.blocks[1:-1])
     return {
         "sizes": [float(np.mean(step)) for step in steps],
         "db": fit.x[fit.blocks[:-1]].tolist(),

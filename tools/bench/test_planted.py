@@ -103,6 +103,7 @@ def test_limits_are_fitted_without_the_capture_that_they_judge(monkeypatch):
             known = THEIRS._replace(exposure_ev=usual + more, shared_ev=math.nan)
             row = {"capture": capture, "reading": "renders", "refused": math.nan}
             row |= {"faults": name, "seed": 0, "score_db": 20.0 - 10 * more}
+            row["strengths"] = "1"
             rows.append(row | limits.flat(known))
     table = pd.DataFrame(rows)
     before = exposure.EXPOSURE_EV

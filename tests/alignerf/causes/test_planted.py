@@ -55,6 +55,19 @@ def test_a_splat_s_own_size_poses_and_length_are_told():
         assert found[:1] == [cause] * bool(cause), name
 
 
+def test_costs_of_captures_that_were_left_out_lie_in_the_range():
+    """Docs say 70 %."""
+    cases, inside = limits.sized(TABLE), []
+    for capture in cases["capture"].unique():
+        own = cases["capture"] == capture
+        fits = limits.stakes(cases[~own])
+        for row in cases[own & cases["cause"].isin([*fits])].itertuples():
+            low, _, high = at_stake.of_fit(fits[row.cause], row.size)
+            inside.append(low <= row.cost_db <= high)
+    assert len(inside) > 150
+    assert np.mean(inside) >= 0.7
+
+
 def test_what_is_at_stake_follows_the_cases():
     """`python -m tools.bench.limits stakes` makes it: new limits ask for it, too."""
     found = limits.stakes(limits.sized(TABLE))
