@@ -384,6 +384,10 @@ def test_what_is_sure_is_cured_before_what_is_probable():
     # What points share says nothing beside poses that blur it.
     shared = e._replace(exposure_ev=0.0, shared_ev=3 * exposure.SHARED_EV)
     assert "exposure" not in cases.named(shared)
+    # A film that is too sparse, as renders.
+    film = THEIRS._replace(**FAULTS["sparse"], shared_ev=1.01 * exposure.SHARED_EV)
+    assert cases.named(film) == ["sparse", "exposure"]
+    assert advised(film) == coverage.SPARSE.advice
 
 
 def test_what_costs_most_comes_first_with_its_advice():
