@@ -12,6 +12,11 @@ from skimage import metrics as skimage_metrics
 SSIM_WINDOW_PX = 11
 # Fine detail is measured on luminance, after so much blur that noise does not count.
 DETAIL_SIGMA_PX = 0.7
+# Second differences along the rows, the columns and both diagonals.
+SECOND = np.zeros((4, 3, 3), np.float32)
+SECOND[:, 1, 1] = -2
+SECOND[0, 1, ::2] = SECOND[1, ::2, 1] = SECOND[2, [0, 2], [0, 2]] = 1
+SECOND[3, [0, 2], [2, 0]] = 1
 
 
 def fill_invalid(target, render, valid):
@@ -59,6 +64,22 @@ def ssim(target, render, valid):
 
 def detail(image):
     """Root mean square of the luminance's Laplacian, after a small blur."""
+    return float(np.sqrt(np.mean(cv2.Laplacian(smooth(image), cv2.CV_32F) ** 2)))
+
+
+def smooth(image):
+    """The luminance [h, w] float32, slightly blurred."""
     grey = cv2.cvtColor(np.ascontiguousarray(image), cv2.COLOR_RGB2GRAY)
-    smooth = cv2.GaussianBlur(grey.astype(np.float32), (0, 0), DETAIL_SIGMA_PX)
-    return float(np.sqrt(np.mean(cv2.Laplacian(smooth, cv2.CV_32F) ** 2)))
+    return cv2.GaussianBlur(grey.astype(np.float32), (0, 0), DETAIL_SIGMA_PX)
+
+
+def least_detail(image, other):
+    """Fine detail over another image's in the direction of four in which it is least.
+
+    A camera that moves along a line while it takes a photo blurs it along that alone.
+    """
+    own, others = (
+        [np.sqrt(np.mean(cv2.filter2D(grey, -1, kernel) ** 2)) for kernel in SECOND]
+        for grey in map(smooth, (image, other))
+    )
+    return float(np.min(np.array(own) / np.maximum(others, 1e-6)))

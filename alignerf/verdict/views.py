@@ -34,7 +34,8 @@ class View(NamedTuple):
     remainder_px: float
     # Share of the pixels that do not move with the camera, and visibly.
     moved_fraction: float
-    # Fine detail of the photo over that of the render: a blurred photo has less.
+    # Fine detail of the photo over that of the render, in the direction in which it is
+    # least: a blurred photo has less.
     sharpness_ratio: float
     # How much brighter the photo is than the render, in stops (EV).
     exposure_ev: float
@@ -60,8 +61,7 @@ def measured(photo, render, valid, counts=None):
     return {
         "psnr_db": capped_psnr_db(photo, render, everywhere),
         "cc_psnr_db": capped_psnr_db(photo, even, everywhere),
-        "sharpness_ratio": image_metrics.detail(photo)
-        / max(image_metrics.detail(render), 1e-6),
+        "sharpness_ratio": image_metrics.least_detail(photo, render),
         "exposure_ev": stops,
     }
 

@@ -73,3 +73,25 @@ def test_small_or_masked_images_are_refused(pair):
     for metric in (image_metrics.psnr_db, image_metrics.ssim):
         with pytest.raises(ValueError, match="no valid pixel"):
             metric(*pair, nothing)
+
+
+@pytest.mark.parametrize("angle", [0, 30, 45, 90, 135, 160])
+def test_a_smear_in_any_direction_takes_detail(rng, angle):
+    """All directions together keep 0.7 of it."""
+    photo = ndimage.gaussian_filter(rng.uniform(0, 255, (80, 90, 3)), (0.8, 0.8, 0))
+    along = np.linspace(-2.5, 2.5, 41)
+    turn = np.deg2rad(angle)
+    smeared = np.mean(
+        [
+            ndimage.shift(
+                photo, (a * np.sin(turn), a * np.cos(turn), 0), order=1, mode="nearest"
+            )
+            for a in along
+        ],
+        axis=0,
+    ).astype(np.uint8)
+    photo = photo.astype(np.uint8)
+    assert image_metrics.least_detail(photo, photo) == 1
+    assert image_metrics.least_detail(smeared, photo) < 0.5
+    assert image_metrics.least_detail(photo // 2, photo) == pytest.approx(0.5, abs=0.05)
+    assert image_metrics.least_detail(photo, np.zeros_like(photo)) > 100
