@@ -64,56 +64,6 @@ def test_the_page_says_how_often_verdicts_were_right(root, page_of):
         assert f"{row.Index} {row.first} of {row.first_of}" in page
 
 
-def test_the_page_on_verdicts_counts_as_its_tables_do(root, page_of):
-    text = page_of("docs/evidence/verdict.md")
-    table = pd.read_csv(root / "docs/measured/verdicts.csv", comment="#")
-    table = table[table["capture"] == "all"].set_index("read_as")
-    renders, ours = table.loc["its renders"], table.loc["our training"]
-    for said in (
-        f"first in {renders['first']} of {renders.first_of} verdicts on renders",
-        f"({renders.first_low} to {renders.first_high} %)",
-        f"in {ours['first']} of {ours.first_of} on trainings of ours",
-        f"({ours.first_low} to {ours.first_high} %)",
-        f"names {renders.false_each:.2f} and {ours.false_each:.2f} false causes",
-        f"All {renders.cases} cases are variants of these six; {ours.cases} of them",
-        f"{renders.quiet} of {renders.quiet_of} trainings without a fault got no cause",
-    ):
-        assert said in text
-
-
-def test_faults_that_always_come_first_are_those_without_a_row(root, page_of):
-    """Their counts stand in a sentence, those of the others in the table."""
-    text = page_of("docs/evidence/verdict.md")
-    table = pd.read_csv(root / "docs/measured/verdict_faults.csv", comment="#")
-    table = table[table["strong"] > 0].set_index("fault")
-    said = text[text.index("Always first: ") : text.index("The others, with")]
-    listed = {
-        "poses": "poses",
-        "focal length": "focal",
-        "blur": "blur",
-        "exposure": "exposure",
-        "order of cameras": "order",
-        "mirrored photos": "mirrored photos",
-        "gamma": "gamma",
-        "shifted renders": "shift",
-        "size": "size",
-        "floaters": "floaters",
-        "exposure with distortion": "exposure and distortion",
-        "white balance": "white balance",
-        "next render": "next render",
-        "gain with poses": "gain and poses",
-        "copied photos": "copies",
-    }
-    found = {}
-    for names, count in re.findall(r"([a-z ,]+) \((\d+)(?: each)?\)", said):
-        for name in re.split(r", | and ", names.strip(", ")):
-            found[listed[name]] = int(count)
-    perfect = table[(table["first"] == table["strong"]) & (table["missed"] == 0)]
-    assert found == perfect["strong"].to_dict()
-    for name in table.index.difference(perfect.index):
-        assert f"| {name} | {table['first'][name]} of {table['strong'][name]} |" in text
-
-
 def test_sizes_that_are_not_shown_give_the_verdict_of_the_smallest(root):
     table = pd.read_csv(root / "docs/measured/windows.csv", comment="#")
     others = {

@@ -18,7 +18,6 @@ import yaml
 from PIL import Image, ImageOps
 
 from alignerf.io import atomic
-from tools.bench import heldout_poses, raw_captures
 
 LISTED = yaml.safe_load(Path(__file__).with_suffix(".yaml").read_text())
 # Which release of the rules held-out captures are to be looked at with.
@@ -51,6 +50,8 @@ def of(role):
 
 def fetch(capture, out, mirror=None):
     """Write the folder of a capture of `captures.yaml`; ValueError where git cannot."""
+    from tools.bench import heldout_poses, raw_captures
+
     repository, commit = capture["from"].split("@")
     url = f"https://github.com/{repository}.git"
     if mirror:

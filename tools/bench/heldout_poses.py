@@ -11,7 +11,6 @@ that the CSV has are not run again. All are of one state of the rules, whose dig
 """
 
 import argparse
-import hashlib
 import json
 import os
 import re
@@ -81,12 +80,8 @@ def main(argv=None):
 
 
 def digest():
-    """The first digits of the SHA-256 of what `make poses` judges cameras by."""
-    found = hashlib.sha256()
-    for package in ("sfm", "keypoints"):
-        for path in sorted((provenance.ROOT / "alignerf" / package).glob("*.py")):
-            found.update(path.name.encode() + b"\0" + path.read_bytes())
-    return found.hexdigest()[:12]
+    """`measure.digest` of what `make poses` judges cameras by."""
+    return measure.digest("alignerf/sfm", "alignerf/keypoints")
 
 
 def rows_of(path, rules):

@@ -38,6 +38,7 @@ from alignerf.metrics import pairs
 from alignerf.scenes import prepare, prepared
 from alignerf.sfm.lens import Lens
 from alignerf.verdict import evidence
+from tools.bench import captures as captures_of
 from tools.bench import faults, planted
 
 JUDGED = of_causes.ExternalRenders("given", "known", "named like the photos")
@@ -251,6 +252,7 @@ class Judged(NamedTuple):
     found: list
     there: list
     own: set
+    sure: list
 
     @property
     def first_is_right(self):
@@ -265,9 +267,12 @@ class Judged(NamedTuple):
         return [own for own in self.there if not set(own) & set(self.found)]
 
     @property
+    def right(self):
+        return self.own.union(*self.there)
+
+    @property
     def false(self):
-        right = {name for own in self.there for name in own}
-        return [name for name in self.found if name not in right | FACTS | self.own]
+        return [name for name in self.found if name not in self.right | FACTS]
 
 
 def judged(case):
@@ -275,8 +280,10 @@ def judged(case):
     known, there, own = case
     if known is None:
         # Nothing is trained by cameras that fit no photos: the line names them.
-        return Judged(["camera"], there, own)
-    return Judged([one.cause.name for one in causes.find(known)], there, own)
+        return Judged(["camera"], there, own, ["camera"])
+    found = causes.find(known)
+    sure = [one.cause.name for one in found if one.sure]
+    return Judged([one.cause.name for one in found], there, own, sure)
 
 
 def loss_of(cases, strong):
@@ -347,6 +354,33 @@ def left_out(table):
             flush=True,
         )
     return found, strong
+
+
+def as_they_are(table):
+    """`left_out` by the limits that the program has."""
+    return [judged(of_row(row)) for row in table.to_dict("records")], is_strong(table)
+
+
+def outcomes(table, found, strong):
+    """The table with columns of what was found, as `left_out` gives it."""
+    sure = [{*one.sure} - FACTS for one in found]
+    columns = {
+        "strong": strong,
+        "found": [", ".join(one.found) for one in found],
+        "first_is_right": [one.first_is_right for one in found],
+        "false": [len(one.false) for one in found],
+        "missed": [len(one.missed) for one in found],
+        "found_count": [len({*one.found} - FACTS - one.own) for one in found],
+        "sure": list(map(len, sure)),
+        "sure_right": [
+            len(those & one.right) for those, one in zip(sure, found, strict=True)
+        ],
+    }
+    if "trainer" not in table:
+        table = table.assign(trainer=None)
+    of_ours = table["reading"].map(READ_AS)
+    read_as = table["trainer"].where(table["trainer"].notna(), of_ours)
+    return table.assign(read_as=read_as, **columns)
 
 
 def whole(table):
@@ -523,7 +557,8 @@ def counted(own):
         found |= {name: int(right.sum()), f"{name}_of": len(right)}
         found |= {f"{name}_low": np.round(100 * low)}
         found |= {f"{name}_high": np.round(100 * high)}
-    return found | {"false_each": round(own["false"].mean(), 3)}
+    found |= {"false_each": round(own["false"].mean(), 3)}
+    return found | {key: int(own[key].sum()) for key in ("sure", "sure_right")}
 
 
 def is_advised(row):
@@ -563,6 +598,10 @@ def main(argv=None):
     parser.add_argument("--captures", type=Path, nargs="+", default=[])
     parser.add_argument("--out", type=Path, required=True)
     args = parser.parse_args(argv)
+    if held_out := captures_of.of(captures_of.HELD_OUT) & {
+        path.name for path in args.captures
+    }:
+        raise SystemExit(f"held out, for tools.bench.heldout: {', '.join(held_out)}")
     if args.what == "collect":
         known = pd.read_csv(args.out, comment="#") if args.out.is_file() else None
         collect(args.paths[0], args.captures, known).to_csv(args.out, index=False)
@@ -570,20 +609,12 @@ def main(argv=None):
     table = pd.concat(
         [pd.read_csv(path, comment="#") for path in args.paths], ignore_index=True
     )
+    captures_of.check_for_development(table["capture"])
     if args.what == "stakes":
         with atomic.replace_file(args.out) as path:
             path.write_text(as_yaml(stakes(sized(table))))
         return
-    if "trainer" not in table:
-        table["trainer"] = math.nan
-    found, strong = left_out(table)
-    table["read_as"] = table["trainer"].fillna(table["reading"].map(READ_AS))
-    table["strong"] = strong
-    table["found"] = [", ".join(one.found) for one in found]
-    table["first_is_right"] = [one.first_is_right for one in found]
-    table["false"] = [len(one.false) for one in found]
-    table["missed"] = [len(one.missed) for one in found]
-    table["found_count"] = [len({*one.found} - FACTS - one.own) for one in found]
+    table = outcomes(table, *left_out(table))
     by_capture(table).to_csv(args.out / "verdicts.csv", index=False)
     by_fault(table).to_csv(args.out / "verdict_faults.csv", index=False)
     by_splat(table).to_csv(args.out / "splat_verdicts.csv", index=False)

@@ -5,6 +5,7 @@ peer, one for each pair of neighbours in time: a slow minute of the machine hits
 """
 
 import datetime
+import hashlib
 import statistics
 import time
 
@@ -57,3 +58,13 @@ def head(command, machine):
         "measured": datetime.date.today(),
     }
     return "".join(f"# {key}: {value}\n" for key, value in lines.items())
+
+
+def digest(*folders):
+    """The first digits of the SHA-256 of code and data in folders of the project."""
+    found = hashlib.sha256()
+    for folder in folders:
+        for path in sorted((provenance.ROOT / folder).rglob("*")):
+            if path.suffix in (".py", ".yaml"):
+                found.update(path.name.encode() + b"\0" + path.read_bytes())
+    return found.hexdigest()[:12]
