@@ -48,6 +48,12 @@ def of(role):
     return {name for name, own in EVERY.items() if own["role"] == role}
 
 
+def check_for_development(names):
+    """Refuse captures that no rule is to be made with."""
+    if held_out := sorted(of(HELD_OUT) & {*names}):
+        raise SystemExit(f"held out, for tools.bench.heldout: {', '.join(held_out)}")
+
+
 def fetch(capture, out, mirror=None):
     """Write the folder of a capture of `captures.yaml`; ValueError where git cannot."""
     from tools.bench import heldout_poses, raw_captures

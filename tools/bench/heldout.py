@@ -23,7 +23,7 @@ from alignerf.io import atomic, provenance
 from tools.bench import captures, faults, limits, measure, planted
 
 LOOKS, BY_CAPTURE = "heldout_looks.csv", "verdicts_heldout.csv"
-BY_FAULT = "verdict_faults_heldout.csv"
+BY_FAULT, SPLATS = "verdict_faults_heldout.csv", "splat_verdicts_heldout.csv"
 RECORDED = provenance.ROOT / "tests/alignerf/causes/planted.csv"
 # A finished case in the folder of a capture.
 DONE = f"*/{planted.DONE}"
@@ -45,6 +45,9 @@ def main(argv=None):
     )
     parser.add_argument(
         "--collect", action="store_true", help="measure, judge nothing: no look"
+    )
+    parser.add_argument(
+        "--splats", type=Path, help="rows of tools.bench.splat_cases, judged beside"
     )
     args = parser.parse_args(argv)
     names = {path.name for path in args.captures}
@@ -72,13 +75,16 @@ def main(argv=None):
         "python -m tools.bench.heldout results/planted --captures RESULTS --out FOLDER",
         f"{os.cpu_count()} cores of a shared machine",
     )
-    for name, made in (
-        (BY_CAPTURE, by_capture.assign(release=captures.RELEASE)),
-        (BY_FAULT, beside_faults(limits.by_fault(table), args.out)),
-        (LOOKS, pd.concat([looks, every.assign(**look)])),
-    ):
+    made = {
+        BY_CAPTURE: by_capture.assign(release=captures.RELEASE),
+        BY_FAULT: beside_faults(limits.by_fault(table), args.out),
+        LOOKS: pd.concat([looks, every.assign(**look)]),
+    }
+    if args.splats:
+        made[SPLATS] = of_splats(pd.read_csv(args.splats))
+    for name, table in made.items():
         with atomic.replace_file(args.out / name) as path:
-            path.write_text(head + made.to_csv(index=False))
+            path.write_text(head + table.convert_dtypes().to_csv(index=False))
 
 
 def looks_of(path):
@@ -122,6 +128,14 @@ def evidence_of(cases, folders):
         with atomic.replace_file(path) as temporary:
             table.to_csv(temporary, index=False)
     return pd.read_csv(path)
+
+
+def of_splats(rows):
+    """`limits.by_splat` of splats of held-out captures."""
+    if others := {*rows["capture"]} - captures.of(captures.HELD_OUT):
+        raise SystemExit(f"--splats: not held out: {', '.join(sorted(others))}")
+    found = [limits.judged(limits.of_row(row)) for row in rows.to_dict("records")]
+    return limits.by_splat(limits.outcomes(rows, found, strong=False))
 
 
 def beside_captures(found, out):

@@ -598,10 +598,7 @@ def main(argv=None):
     parser.add_argument("--captures", type=Path, nargs="+", default=[])
     parser.add_argument("--out", type=Path, required=True)
     args = parser.parse_args(argv)
-    if held_out := captures_of.of(captures_of.HELD_OUT) & {
-        path.name for path in args.captures
-    }:
-        raise SystemExit(f"held out, for tools.bench.heldout: {', '.join(held_out)}")
+    captures_of.check_for_development(path.name for path in args.captures)
     if args.what == "collect":
         known = pd.read_csv(args.out, comment="#") if args.out.is_file() else None
         collect(args.paths[0], args.captures, known).to_csv(args.out, index=False)

@@ -8,6 +8,7 @@ import pandas as pd
 import pytest
 
 from alignerf.io import provenance
+from tests.alignerf.causes import cases
 from tests.alignerf.causes.cases import THEIRS
 from tools.bench import captures, heldout, limits, measure
 
@@ -18,7 +19,7 @@ MEASURED, BESIDE = Path("docs/measured"), ("verdicts.csv", "verdict_faults.csv")
 @pytest.fixture
 def looked(tmp_path, root, monkeypatch):
     """Runs the command on made-up cases: (release, rules) -> the table of looks."""
-    cases, out = tmp_path / "planted", tmp_path / "out"
+    planted, out = tmp_path / "planted", tmp_path / "out"
     out.mkdir()
     for name in BESIDE:
         shutil.copy(root / MEASURED / name, out)
@@ -27,9 +28,9 @@ def looked(tmp_path, root, monkeypatch):
         monkeypatch.setattr(captures, "RELEASE", release)
         monkeypatch.setattr(measure, "digest", lambda *folders: rules)
         monkeypatch.setattr(provenance, "commit", lambda: commit)
-        write_cases(cases, rules)
-        folders = [str(cases / name) for name in NAMES]
-        arguments = [str(cases), "--captures", *folders, "--out", str(out), *more]
+        write_cases(planted, rules)
+        folders = [str(planted / name) for name in NAMES]
+        arguments = [str(planted), "--captures", *folders, "--out", str(out), *more]
         heldout.main(arguments)
         return heldout.looks_of(out / heldout.LOOKS)
 
@@ -113,11 +114,35 @@ def test_a_look_is_of_rules_on_record_and_at_all_cases(looked, tmp_path):
         heldout.main(arguments)
 
 
+def test_splats_are_judged_in_the_same_look(looked, tmp_path):
+    rows = []
+    for fault, known in (
+        ("nothing", THEIRS),
+        ("poses", THEIRS._replace(**cases.FAULTS["camera"])),
+        ("exposure", THEIRS),
+    ):
+        row = {"name": fault, "trainer": "OpenSplat", "capture": NAMES[0], "seed": 0}
+        row |= {"faults": fault, "strengths": 1, "reading": "renders", "refused": None}
+        rows.append(row | limits.flat(known) | {"depth": "points"})
+    path = tmp_path / "rows.csv"
+    pd.DataFrame(rows).to_csv(path, index=False)
+    looked(1, "0" * 12, "--splats", str(path))
+    found = pd.read_csv(tmp_path / "out" / heldout.SPLATS, comment="#")
+    assert found["right"].tolist() == ["yes", "yes", "no"]
+    path.write_text(path.read_text().replace(f",{NAMES[0]},", ",fox,"))
+    with pytest.raises(SystemExit, match="not held out: fox"):
+        looked(2, "1" * 12, "--splats", str(path))
+
+
 def test_rules_are_not_made_with_captures_that_are_held_out(tmp_path):
-    with pytest.raises(SystemExit, match=NAMES[0]):
-        limits.main(
-            ["collect", str(tmp_path), "--captures", NAMES[0], "--out", "a.csv"]
-        )
+    path = tmp_path / "rows.csv"
+    pd.DataFrame({"capture": ["fox", NAMES[0]]}).to_csv(path, index=False)
+    for arguments in (
+        ["collect", str(tmp_path), "--captures", f"results/{NAMES[0]}", "--out", "a"],
+        ["fit", str(path), "--out", str(tmp_path)],
+    ):
+        with pytest.raises(SystemExit, match=f"held out.*{NAMES[0]}$"):
+            limits.main(arguments)
 
 
 def test_tables_keep_roles_apart(root):

@@ -1,6 +1,8 @@
 """Planted faults are what they say, and limits are judged by captures left out."""
 
+import json
 import math
+import sys
 from pathlib import Path
 
 import numpy as np
@@ -9,10 +11,11 @@ import pytest
 
 from alignerf.causes import exposure
 from alignerf.causes.shared import at_stake
+from alignerf.io import images
 from tests import judged_cases
 from tests.alignerf.causes.cases import MATCHES, THEIRS
 from tests.alignerf.sfm import made
-from tools.bench import faults, limits, planted
+from tools.bench import faults, limits, planted, splat_cases
 
 COUNT = 12
 
@@ -78,6 +81,48 @@ def test_cases_are_those_of_the_registry():
     assert {name for one in found for name, _ in one.plants} == {*faults.PLANTS}
     # What others take renders from comes first.
     assert all(one.name.startswith("nothing") for one in found[:4])
+
+
+TRAINER = """#!{python}
+import json, pathlib, sys
+folder, words = pathlib.Path(sys.argv[1]), sys.argv[2:]
+options = dict(zip(words[::2], words[1::2]))
+pathlib.Path(options["-o"]).write_text("splat")
+(folder / "told.json").write_text(json.dumps(options))
+"""
+
+
+@pytest.mark.parametrize("variant", splat_cases.VARIANTS)
+def test_a_splat_s_case_is_as_users_have_it(variant, capture, tmp_path):
+    fault, steps = splat_cases.VARIANTS[variant]
+    folder = tmp_path / variant
+    splat_cases.write(folder, capture, fault)
+    photos = [images.read(folder / "images" / f"{n}.png") for n in capture.names]
+    same = np.array_equal(photos, capture.photos)
+    assert same == (variant in ("good", "short", "wrong_poses"))
+    scene = json.loads((folder / "transforms.json").read_text())
+    poses = [frame["transform_matrix"][:3] for frame in scene["frames"]]
+    assert np.allclose(poses, capture.camtoworlds) == (variant != "wrong_poses")
+    assert b"element vertex 200" in (folder / "points.ply").read_bytes()
+    (trainer := tmp_path / "trainer").write_text(TRAINER.format(python=sys.executable))
+    trainer.chmod(0o755)
+    splat_cases.train(folder, trainer, steps)
+    told = json.loads((folder / "told.json").read_text())
+    held_out = [name for name in scene["test_filenames"]]
+    names = sorted(frame["file_path"] for frame in scene["frames"])
+    assert names[:: int(told["--hold-every"])] == held_out
+    assert (int(told["-n"]), float(told["-d"])) == (steps, 1.0)
+    trainer.write_text("#!/bin/sh\nexit 3\n")
+    with pytest.raises(ValueError, match=r"train\.log: ended with 3"):
+        splat_cases.train(folder, trainer, steps)
+
+
+def test_points_have_the_colours_of_photos(capture):
+    plain = np.zeros_like(capture.photos) + np.array([9, 90, 200], np.uint8)
+    found = splat_cases.colours_of(capture.points, capture._replace(photos=plain))
+    seen = (found == [9, 90, 200]).all(axis=1)
+    assert seen.mean() > 0.5
+    assert (found[~seen] == 128).all()
 
 
 def test_an_evidence_outlives_the_table(tmp_path):
