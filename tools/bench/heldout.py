@@ -148,11 +148,12 @@ def beside_captures(found, out):
 
 
 def beside_faults(found, out):
-    """`limits.by_fault` of single faults, beside that of captures for development."""
-    both = [one.set_index("fault") for one in (found, measured(out, "verdict_faults"))]
-    both[1] = both[1].add_prefix("development_")
-    both = pd.concat(both, axis=1).reindex([*faults.PLANTS])
-    return both.dropna(how="all").astype("Int64").rename_axis("fault").reset_index()
+    """`limits.by_fault`, and the same faults in captures for development."""
+    theirs = measured(out, "verdict_faults").set_index("fault")
+    both = found.set_index("fault").join(theirs.add_prefix("development_"))
+    return both.loc[
+        [name for name in faults.PLANTS if name in both.index]
+    ].reset_index()
 
 
 def measured(out, name):

@@ -513,6 +513,7 @@ def by_fault(table):
         strong = own[own["strong"]]
         row |= {"strong": len(strong), "first": int(strong["first_is_right"].sum())}
         row |= {"missed": int(strong["missed"].sum()), "false": int(own["false"].sum())}
+        row["advised"] = sum(map(is_advised, own.to_dict("records")))
         rows.append(row)
     return pd.DataFrame(rows)
 
