@@ -26,17 +26,8 @@ NEEDED = {
     "estimators": ("calculate", "min_side_px"),
 }
 # Of what kind some of these are: an object may say that it has whatever is asked for.
-TEXTS = (
-    "name",
-    "what",
-    "label",
-    "unit",
-    "pixels",
-    "meaning",
-    "needs",
-    "kind",
-    "advice",
-)
+TEXTS = ("name", "what", "label", "unit", "pixels", "meaning", "needs", "kind")
+TEXTS += ("advice",)
 CALLED = ("detect", "read", "trainings", "words", "moves", "find")
 CALLED += ("make", "made", "calculate")
 KINDS = dict.fromkeys(TEXTS, str) | dict.fromkeys(CALLED, Callable)
