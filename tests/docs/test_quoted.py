@@ -9,6 +9,7 @@ from alignerf.causes import camera, motion, training
 from alignerf.causes.shared import misalignment
 from alignerf.page import gallery, told
 from alignerf.tables import effects
+from tools.docs import tables
 
 # An answer to how long the demo takes, as README gives it.
 COST = re.compile(r"\d+\s+min")
@@ -54,8 +55,7 @@ def test_gains_that_are_advised_with_are_those_measured(measured):
 
 
 def test_the_page_says_how_often_verdicts_were_right(root, page_of):
-    table = pd.read_csv(root / "docs/measured/verdicts.csv", comment="#")
-    table = table[table["read_as"] == "its renders"].set_index("capture")
+    table = tables.verdicts(root)
     every = table.loc["all"]
     readme, page = page_of("README.md"), told.how_right()
     assert f"first in {every['first']} of {every.first_of}" in readme

@@ -4,7 +4,8 @@ A page says `<!-- table: NAME -->`, and `<!-- end -->` below it. What is between
 written anew from docs/measured/NAME.csv, as NAME says in docs/measured/tables.yaml.
 `<!-- list: test_sets -->` lists the program's test sets; `<!-- output: NAME -->` quotes
 docs/outputs/NAME.txt, a text that the program has printed.
-alignerf/page/accuracy.yaml follows docs/measured/verdicts.csv.
+alignerf/page/accuracy.yaml follows docs/measured/verdicts_heldout.csv or, until those
+captures were looked at, verdicts.csv.
 --check writes nothing: it names each page and table that differ, and exits with 1.
 """
 
@@ -49,23 +50,32 @@ def main(argv=None):
     if (path := args.root / ACCURACY).read_text() != (text := accuracy(args.root)):
         different = True
         if args.check:
-            print(f"{ACCURACY} is not as docs/measured/verdicts.csv says")
+            print(f"{ACCURACY} is not as the CSVs of verdicts say")
         else:
             path.write_text(text)
     return int(args.check and different)
 
 
+def verdicts(root):
+    """How often verdicts on renders were right, by capture: the held-out ones."""
+    table = pd.read_csv(root / MEASURED / "verdicts_heldout.csv", comment="#")
+    table = table[table["role"] == "held out"]
+    if table["first"].isna().all():  # there was no look yet
+        table = pd.read_csv(root / MEASURED / "verdicts.csv", comment="#")
+    table = table[table["read_as"] == "its renders"].set_index("capture")
+    return table.astype({"first": int, "first_of": int})
+
+
 def accuracy(root):
     """How often verdicts on renders were right, as the page tells it."""
-    table = pd.read_csv(root / "docs/measured/verdicts.csv", comment="#")
-    table = table[table["read_as"] == "its renders"].set_index("capture")
+    table = verdicts(root)
     lines = [
         f"  {row.Index}: [{row.first}, {row.first_of}]"
         for row in table.drop("all").itertuples()
     ]
     return "\n".join(
         [
-            "# Made by `make docs` of docs/measured/verdicts.csv.",
+            "# Made by `make docs` of docs/measured.",
             "# Of each capture's verdicts: [the planted cause came first, of].",
             "first:",
             *lines,
