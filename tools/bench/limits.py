@@ -18,6 +18,7 @@ import math
 from pathlib import Path
 from typing import NamedTuple
 
+import cv2
 import numpy as np
 import pandas as pd
 import yaml
@@ -36,6 +37,7 @@ from alignerf.causes.shared import at_stake, misalignment
 from alignerf.io import atomic, images, machine
 from alignerf.metrics import pairs
 from alignerf.scenes import prepare, prepared
+from alignerf.sfm import matches
 from alignerf.sfm.lens import Lens
 from alignerf.verdict import evidence
 from tools.bench import captures as captures_of
@@ -88,8 +90,9 @@ OTHERS = {
     "a phone's poses": ("camera", "lens_shift"),
     "a lost view": ("pairs", "floaters"),
 }
-# True of captures as they are: brightness changes, which matched keypoints show, too.
-OWN = {"treehill": {"exposure"}, "castle": {"exposure"}}
+# Of levels at keypoints: how far they are smoothed, what is clipped, in 8 bits; and of
+# how many a pair's difference is the median.
+SMOOTH_PX, DARKEST, BRIGHTEST, MIN_SHARED = 1.5, 8, 247, 15
 
 
 def collect(out, captures, known=None):
@@ -102,9 +105,13 @@ def collect(out, captures, known=None):
         if (case.folder(out) / planted.DONE).is_file()
         and tuple(map(str, shared_of(case).values())) not in there
     ]
-    clean = {path: clean_photos(path) for path in {case.capture for case, _ in cases}}
+    chosen = {case.capture for case, _ in cases}
+    clean = {path: clean_photos(path) for path in chosen}
+    own = {path: own_of(matched(path, out), clean[path]) for path in chosen}
     rows = machine.map_in_threads(
-        lambda one: rows_of(*one, clean[one[0].capture]), cases, threads=2
+        lambda one: rows_of(*one, clean[one[0].capture], own[one[0].capture]),
+        cases,
+        threads=2,
     )
     return pd.concat([known, pd.DataFrame([row for each in rows for row in each])])
 
@@ -119,10 +126,43 @@ def shared_of(case):
     }
 
 
-def rows_of(case, folder, clean):
+def matched(capture, out):
+    """The matches of a capture without a fault."""
+    return matches.load(planted.matched(capture, out) / "matches.npz")
+
+
+def own_of(found, photos):
+    """The causes that are true of a capture as it is, by name, joined by spaces.
+
+    Brightness changes where levels of keypoints say so that match (found) in the photos
+    {name: [h, w, 3]}: neither renders nor depth are asked.
+    """
+    levels = []
+    for name, xy in zip(found.names, found.keypoints, strict=True):
+        grey = cv2.GaussianBlur(photos[name].mean(-1, np.float32), (0, 0), SMOOTH_PX)
+        x, y = np.minimum(np.floor(xy).astype(int), np.array(grey.shape[::-1]) - 1).T
+        known = (grey[y, x] > DARKEST) & (grey[y, x] < BRIGHTEST)
+        levels.append(np.where(known, np.log2(np.maximum(grey[y, x], 1.0)), np.nan))
+    rows, sides = [np.ones(len(levels))], [0.0]
+    for (i, j), index in zip(found.pairs, found.indices, strict=True):
+        apart = levels[j][index[:, 1]] - levels[i][index[:, 0]]
+        if np.isfinite(apart).sum() >= MIN_SHARED:
+            rows.append(np.eye(len(levels))[j] - np.eye(len(levels))[i])
+            sides.append(np.nanmedian(apart))
+    stops, *_ = np.linalg.lstsq(np.array(rows), np.array(sides))
+    return "exposure" if np.std(stops) > exposure.SHARED_EV else ""
+
+
+def owned(row):
+    """The causes of `own_of` in a row, as a set."""
+    own = row.get("own")
+    return set(own.split()) if isinstance(own, str) else set()
+
+
+def rows_of(case, folder, clean, own_causes=""):
     """The rows of a case."""
     told = json.loads((folder / planted.DONE).read_text())
-    shared = shared_of(case) | {"refused": told["refused"]}
+    shared = shared_of(case) | {"refused": told["refused"], "own": own_causes}
     if told["refused"]:
         return [shared | {"reading": "ours"}, shared | {"reading": "renders"}]
     shared["score_db"] = score_db(folder, clean)
@@ -392,7 +432,7 @@ def whole(table):
 def of_row(row):
     refused = isinstance(row["refused"], str)
     known = None if refused else evidence_of(row)
-    return known, there_of(row), OWN.get(row["capture"], set())
+    return known, there_of(row), owned(row)
 
 
 def cost_of(table):
@@ -483,10 +523,7 @@ def is_strong(table):
     cost = cost_of(table)
     # What the capture has of itself is not told from what was planted.
     same = [
-        any(
-            set(causes_of) & OWN.get(row["capture"], set())
-            for causes_of in there_of(row)
-        )
+        any(set(causes_of) & owned(row) for causes_of in there_of(row))
         for row in table.to_dict("records")
     ]
     costs = table["refused"].notna() | (cost >= STRONG_DB)
@@ -569,7 +606,7 @@ def is_advised(row):
     said of a fault that costs little.
     """
     first = row["found"].split(", ")[0]
-    there = FACTS.union(OWN.get(row["capture"], ()), *there_of(row))
+    there = FACTS.union(owned(row), *there_of(row))
     return first in there if first else not (there_of(row) and row["strong"])
 
 

@@ -12,6 +12,7 @@ import pytest
 from alignerf.causes import exposure
 from alignerf.causes.shared import at_stake
 from alignerf.io import images
+from alignerf.sfm import matches
 from tests import judged_cases
 from tests.alignerf.causes.cases import MATCHES, THEIRS
 from tests.alignerf.sfm import made
@@ -194,9 +195,30 @@ def test_intervals_are_over_captures(rng):
 def test_the_first_advice_is_on_what_is_there(found, planted_one, strong, right):
     row = {"found": found, "faults": planted_one, "strong": strong, "capture": "fox"}
     assert limits.is_advised(row) == right
-    # Exposure of treehill changes as it is.
-    own = {"capture": "treehill", "found": "exposure"}
-    assert limits.is_advised(row | own)
+    assert limits.is_advised(row | {"own": "exposure", "found": "exposure"})
+
+
+@pytest.mark.parametrize(("stops_ev", "own"), [(0.05, ""), (0.3, "exposure")])
+def test_a_capture_s_own_exposure_is_told_by_its_keypoints(rng, stops_ev, own):
+    picture = judged_cases.picture(7, (160, 120))
+    names = [f"v{i}" for i in range(6)]
+    stops = stops_ev * np.array([-1, 1, -1, 1, -1, 1])
+    photos = {
+        name: faults.brighter(picture, ev)
+        for name, ev in zip(names, stops, strict=True)
+    }
+    keypoints = rng.uniform(0, (160, 120), (80, 2))
+    pairs = np.array([(i, i + 1) for i in range(5)])
+    found = matches.Matches(
+        names=names,
+        width=160,
+        height=120,
+        keypoints=[keypoints] * 6,
+        pairs=pairs,
+        indices=[np.tile(np.arange(80)[:, None], (1, 2))] * 5,
+        draws=[np.zeros(80)] * 6,
+    )
+    assert limits.own_of(found, photos) == own
 
 
 def test_a_cost_is_fitted_by_size_and_ranges_by_captures_that_are_left_out():
