@@ -113,6 +113,8 @@ class Evidence(NamedTuple):
     tone_gamma: float = math.nan
     tone_white_ev: float = math.nan
     exchanged: float = math.nan
+    # From how far aside photos see what held-out ones see (`cameras.spacing`).
+    apart_deg: float = math.nan
     # Photos that lie there twice; views that a floater hides a part of.
     copies: int = 0
     hidden_views: float = 0

@@ -1,11 +1,14 @@
 """Photos are too few, too far apart, or in no model; floaters hang where none is."""
 
+import math
+
 from alignerf.causes import base
 from alignerf.causes.shared import misalignment
 
 # Training views fit their renders, test views do not: geometry that photos do not fix.
-# A gap in PSNR says so alone, a smaller one beside flows of this ratio.
-GAP_DB, SMALL_GAP_DB, TEST_OVER_TRAIN = 4.0, 2.5, 2.5
+# A gap in PSNR says so, a smaller one where photos see the same from farther aside than
+# this, and a larger one where they do not, within these times.
+GAP_DB, FAR_DEG, TIMES = 4.0, 20.0, (0.6, 2.0)
 # Share of the photos that COLMAP has placed.
 REGISTERED = 0.9
 # Of the views, those of which a floater hides a part; and as many at the least.
@@ -15,15 +18,16 @@ FLOATER_VIEWS, MIN_VIEWS = 0.04, 2
 def find_sparse(e):
     """By how much held-out photos are matched worse than those learnt from, in dB."""
     gap_db = e.psnr_train_db - e.psnr_test_db
-    is_off = e.flow_test_px / max(e.flow_train_px, 0.05) > TEST_OVER_TRAIN
+    limit_db = GAP_DB
+    if not math.isnan(e.apart_deg):
+        limit_db *= min(max(FAR_DEG / max(e.apart_deg, 1e-9), TIMES[0]), TIMES[1])
     # Held-out views may have the right shape. A splat knows its photos by heart: the
     # gap was 7.8 dB where held-out photos were 0.18 px from their renders.
     fits = e.judged and e.flow_test_px < misalignment.told_px(e.overfit_px)
-    found = not fits and (gap_db > GAP_DB or (is_off and gap_db > SMALL_GAP_DB))
-    return base.Finding(
+    return base.beyond(
         gap_db,
-        GAP_DB,
-        is_off and gap_db > GAP_DB if found else None,
+        limit_db,
+        where=not fits or e.apart_deg > FAR_DEG,
         said=f"training photos reach {e.psnr_train_db:.1f} dB, held-out ones "
         f"{e.psnr_test_db:.1f}",
     )
@@ -49,6 +53,7 @@ def find_few_views(e):
         True if few or few_test else None,
         more_is_better=True,
         said=said,
+        explains=few,
         measured=f"{e.train_views} and {e.test_views} held out",
     )
 
@@ -98,6 +103,8 @@ FEW_VIEWS = base.Cause(
     label="number of photos",
     unit="photos",
     find=find_few_views,
+    explains=("sparse",),
+    spoils="photos are few",
     called="photos are few",
     sentence="{said}.",
     advice="take more photos: 20 or more that overlap.",

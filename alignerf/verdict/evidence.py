@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
-from alignerf.cameras import common_flow, exposure
+from alignerf.cameras import common_flow, exposure, spacing
 from alignerf.causes import base as causes
 from alignerf.causes import blur
 from alignerf.io import csv_files, json_files, machine, provenance
@@ -145,6 +145,10 @@ def read(scene, base, *, overfit=None, crops=(None, None), before=None):
     rows = [one.row for one in found]
     looked = {one.row.view: one.pair for one in found}
     shared = spread(exposure.stops([one.sampled for one in found]))
+    apart = [
+        [one.sampled for one in found if one.row.split == split]
+        for split in ("test", "train")
+    ]
     poses_of_views = [one.sampled.camtoworld for one in found]
     main = [row.view for row in rows if row.split == "train"] or list(looked)
     checked = pairs.check(looked, main)
@@ -177,6 +181,10 @@ def read(scene, base, *, overfit=None, crops=(None, None), before=None):
         else math.nan,
         epochs=number(rays_seen) / (max(train_views, 1) * loaded.width * loaded.height),
         shared_ev=shared,
+        # Where no depth is known, no point is.
+        apart_deg=math.nan
+        if told and told["depth"] == "far"
+        else spacing.degrees(*apart),
         photo_width_px=width_px,
         poses_given=poses["poses"] in INPUT,
         perturb_px=float(poses["perturb_px"]),

@@ -263,6 +263,43 @@ def test_a_shift_that_all_share_is_no_error_of_each_camera(camera_px, is_named):
     assert cases.named(e._replace(judged=None)) == ["camera", "lens_shift"]
 
 
+@pytest.mark.parametrize(
+    ("train_db", "test_db", "degrees", "test_px", "is_named"),
+    [
+        # As they are: herz, whose photos are 25, castle, courtyard, flower.
+        (26.1, 23.1, 19.9, 0.21, False),
+        (27.9, 24.6, 16.4, 0.12, False),
+        (28.0, 26.1, 14.5, 0.08, False),
+        (27.3, 26.8, 1.5, 0.10, False),
+        # With half of their photos: castle, fox, courtyard.
+        (27.7, 22.0, 40.4, 0.42, True),
+        (30.7, 25.4, 21.7, 0.13, True),
+        (28.0, 24.3, 28.9, 0.13, True),
+        # Where no depth is known the gap decides.
+        (26.1, 23.1, math.nan, 0.21, False),
+        (27.7, 22.0, math.nan, 0.42, True),
+        # Fewer than three photos see most points.
+        (27.7, 22.0, math.inf, 0.42, True),
+    ],
+)
+@pytest.mark.parametrize("e", [WELL, THEIRS])
+def test_photos_are_too_few_by_what_they_see(
+    e, train_db, test_db, degrees, test_px, is_named
+):
+    e = e._replace(psnr_train_db=train_db, psnr_test_db=test_db, apart_deg=degrees)
+    e = e._replace(flow_test_px=test_px)
+    assert cases.named(e) == ["sparse"] * is_named
+    # Where the count says it, the gap is no second cause.
+    few = cases.named(e._replace(train_views=9, test_views=6))
+    assert few == ["few_views"]
+
+
+def test_a_splat_knows_its_photos_by_heart():
+    e = THEIRS._replace(psnr_train_db=33.3, psnr_test_db=25.5, flow_test_px=0.18)
+    assert cases.named(e._replace(apart_deg=16.4)) == []
+    assert cases.named(e._replace(apart_deg=30.0)) == ["sparse"]
+
+
 def test_what_the_camera_s_sentence_is_of():
     """The same number as the headline's, in px of the photo."""
     for changes, px in (
