@@ -57,7 +57,7 @@ def by_matches(e):
     if fraction(e) >= LENS_FRACTION:
         return of_cameras(e)
     left = e.matches and e.matches.left
-    return left if left and left.changed else None
+    return left if left and {*left.changed} - {*e.matches.kept} else None
 
 
 def is_alone(e):

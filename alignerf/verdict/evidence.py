@@ -183,7 +183,7 @@ def read(scene, base, *, overfit=None, crops=(None, None), before=None):
         shared_ev=shared,
         # Where no depth is known, no point is.
         apart_deg=math.nan
-        if told and told["depth"] == "far"
+        if told and told.get("depth") == "far"
         else spacing.degrees(*apart),
         photo_width_px=width_px,
         poses_given=poses["poses"] in INPUT,

@@ -52,7 +52,7 @@ STRONG_DB = 0.3
 # no fault leaves photos out, nor those of flows alone, as all cases have matches.
 LIMITS = {
     (misalignment, "MIN_DETAIL"): 0.5,
-    (misalignment, "MIN_FINEST"): 0.35,
+    (misalignment, "MIN_FINEST"): 0.5,
     (motion, "MOVED_FRACTION"): 0.05,
     (motion, "MOVED_ANYWAY"): 0.25,
     (lens, "SHIFT_PX"): 0.045,

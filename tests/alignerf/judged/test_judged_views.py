@@ -181,6 +181,21 @@ def test_both_splits_and_their_check(tmp_path):
     ]
 
 
+@pytest.mark.parametrize("longest_px", [None, 50, 5000])
+def test_the_size_of_the_training_photos_is_taken_from_its_trainer(
+    tmp_path, longest_px
+):
+    """Where renders are larger, they lack detail: that is for their octaves to say."""
+    config = cases.project(tmp_path)
+    shot = {"img_name": "v00", "position": [0, 0, 0], "rotation": np.eye(3).tolist()}
+    shot |= {"width": longest_px, "height": 30, "fx": 40.0, "fy": 40.0}
+    if longest_px:
+        (tmp_path / "cameras.json").write_text(json.dumps([shot]))
+    told = json.loads((prepare(tmp_path, config) / "poses.json").read_text())
+    known_px = longest_px if longest_px == 5000 else None
+    assert told["external_renders"]["trained_px"] == known_px
+
+
 def test_depth_by_the_points_of_the_cameras(tmp_path):
     """It is near given depth, and comes out in the unit of the scene alike."""
     config = cases.project(tmp_path)
