@@ -207,6 +207,9 @@ def test_what_is_named(changes, named):
         (SHIFTED, []),
         # Renders that another program draws half a pixel off: nothing else moves.
         (SHIFTED | {"shift_px": 0.19}, ["lens_shift"]),
+        # By another tone things seem to move.
+        ({"tone_gain_ev": 0.33, "moved_fraction": 0.11}, ["tone"]),
+        ({"tone_gain_ev": 0.33, "moved_fraction": 0.15}, ["tone", "motion"]),
         # In forward motion a lens stands for poses; it was free, and was refused.
         ({"matches": FORWARD}, ["camera"]),
         ({"matches": FORWARD._replace(kept=("focal",))}, ["lens_distortion", "camera"]),
