@@ -12,7 +12,8 @@ aligned_pose_overfit    moved to fit the oracle instead of the photo: what this 
                         against the oracle, the fit gains by itself
 
 and poses.csv, with the motion that each half was rendered with, how many pixels it was
-fitted to (none: the camera stayed), and what of the flow no camera explains.
+fitted to (none: the camera stayed), what of the flow no camera explains, and the
+camera's standard error. `alignerf.evaluate` leaves out views where that is too large.
 """
 
 import csv
@@ -29,13 +30,14 @@ from alignerf.processes import devices
 from alignerf.scenes import prepared
 from alignerf.sfm import pose_error
 from alignerf.training import renderer
+from flow.camera import certainty
 from flow.camera import fit as camera_fit
 from flow.camera import motion as camera_motion
 from flow.warping import controls, files
 
 COLUMNS = (
     *("view", "test_set", "half", "rotation_deg", "centre", "length_px"),
-    *("fitted_pixels", "noise_px"),
+    *("fitted_pixels", "noise_px", "error_px"),
 )
 # Along the smaller side of an image; and the margin that the fit leaves out, of a
 # square's side.
@@ -43,11 +45,15 @@ SQUARES, MARGIN = 4, 0.25
 
 
 class Fitted(NamedTuple):
-    """The camera [3, 4] of a half, the number of pixels fitted, and the noise left."""
+    """The camera [3, 4] of a half, the number of pixels fitted, and the noise left.
+
+    error_px: of `certainty.error_px`, in the half; NaN where it is unknown.
+    """
 
     pose: np.ndarray
     pixels: int
     noise_px: float
+    error_px: float
 
 
 OPTIONS = {
@@ -55,9 +61,11 @@ OPTIONS = {
     "scene": "prepared scene folder",
     "[cameras]": "cameras.npz (default: the scene's)",
     "model": "trained parameters",
+    "renders": ("of the test views, by their given cameras", Path),
     "flow": ("to the photos", Path),
     "depth": ("of the renders", Path),
-    "[truth-flow]": ("to the oracle: the overfit", Path),
+    "[truth]": ("folder of the oracle", Path),
+    "[truth-flow]": ("to it: the overfit", Path),
     "out": ("folder, written", Path),
     "[threads]": faults.THREADS,
 }
@@ -74,30 +82,35 @@ def main(argv=None):
     block_px = max(1, min(size) // SQUARES)
     halves = halves_of(loaded, block_px)
     margin_px = int(MARGIN * block_px)
-    by_needs = {"": args.flow, "truth": args.truth_flow}
-    moved = [one for one in testsets.every() if one.moved and by_needs[one.needs]]
-    flows = {one.name: by_needs[one.needs] for one in moved}
-    todo = [
-        (view, *target) for target in flows.items() for view in loaded.views("test")
-    ]
+    by_needs = {"": (args.flow, loaded.folder / "images")}
+    if args.truth and args.truth_flow:
+        by_needs["truth"] = args.truth_flow, args.truth / "oracle"
+    moved = [one for one in testsets.every() if one.moved and one.needs in by_needs]
+    todo = [(view, one) for one in moved for view in loaded.views("test")]
     rows = []
     with ExitStack() as stack:
         out = stack.enter_context(atomic.replace_folder(args.out))
-        for test_set in flows:
-            (out / test_set).mkdir()
+        for test_set in moved:
+            (out / test_set.name).mkdir()
         bar = progress.Progress("align test poses", len(todo), unit="view")
         stack.callback(bar.close)
 
         def one(work):
-            view, test_set, flow = work
+            view, test_set = work
+            flow, target = by_needs[test_set.needs]
+            pair = [
+                prepared.read_images(loaded, [view], folder)[0]
+                for folder in (args.renders, target)
+            ]
             fits = [
-                fit(loaded, args.depth, margin_px, view, flow, ~half) for half in halves
+                fit(loaded, args.depth, margin_px, view, flow, half, pair)
+                for half in halves
             ]
             poses = [fitted.pose for fitted in fits]
             name = loaded.names[view]
             image = render_halves(render, loaded, view, halves, poses)
-            images.write(out / test_set / f"{name}.png", image)
-            labels = {"view": name, "test_set": test_set}
+            images.write(out / test_set.name / f"{name}.png", image)
+            labels = {"view": name, "test_set": test_set.name}
             return [
                 labels | {"half": number} | row(loaded, args.depth, view, fitted)
                 for number, fitted in enumerate(fits)
@@ -131,23 +144,24 @@ def halves_of(loaded: prepared.Scene, block_px):
     return half, ~half
 
 
-def fit(loaded: prepared.Scene, depth, margin_px, view, flow, mask):
-    """The pose `Fitted` to the flow of the mask's pixels; unchanged by too few."""
+def fit(loaded: prepared.Scene, depth, margin_px, view, flow, half, pair):
+    """The pose of a half, `Fitted` to the flow of the other; unchanged by few pixels.
+
+    pair: the render by the given camera, and the image that the flow leads to.
+    """
     name = f"{loaded.names[view]}.npz"
     flow_px, valid = files.read_flow(flow / name)
     if valid.shape != (loaded.height, loaded.width):
         raise ValueError(f"{flow / name}: {valid.shape} is not the views' size")
     # A lens is the scene's: no view has a focal length of its own.
-    motion_fit = camera_fit.split(
-        flow_px,
-        valid & within(mask, margin_px),
-        loaded.pixtocams[view],
-        depth_of(depth, name),
-        log_focal=0.0,
-    )
     camera = loaded.pixtocams[view], loaded.camtoworlds[view]
-    pose = camera_motion.apply(motion_fit.motion, *camera)[1]
-    return Fitted(pose, motion_fit.pixels, motion_fit.noise_px)
+    depths = depth_of(depth, name)
+    usable = valid & within(~half, margin_px)
+    found = camera_fit.split(flow_px, usable, camera[0], depths, log_focal=0.0)
+    pose = camera_motion.apply(found.motion, *camera)[1]
+    points = camera_motion.points_of(camera[0], depths)
+    error_px = certainty.error_px(*pair, found.motion, points, found.valid, half)
+    return Fitted(pose, found.pixels, found.noise_px, error_px)
 
 
 def within(mask, margin_px):
@@ -173,6 +187,7 @@ def row(loaded: prepared.Scene, depth, view, fitted: Fitted):
         **pose_error.difference(camera, moved, size, near),
         "fitted_pixels": fitted.pixels,
         "noise_px": fitted.noise_px,
+        "error_px": fitted.error_px,
     }
 
 

@@ -4,7 +4,8 @@ One row per test view and test set. What each is compared with, and on which pix
 `alignerf.testsets` says. Those that need a warped test set, or the
 truth, are scored where that is given; renders by moved cameras in a run of their own,
 with --aligned-pose. Only sets on the same pixels compare. A metric that cannot be had
-is empty, and `note` says why; LPIPS needs weights, for each network.
+is empty, and `note` says why; LPIPS needs weights, for each network. So is all of a
+view whose moved camera is not known to half a pixel.
 """
 
 import functools
@@ -14,7 +15,7 @@ import numpy as np
 import pandas as pd
 
 from alignerf import testsets
-from alignerf.io import archives, atomic, faults
+from alignerf.io import archives, atomic, csv_files, faults
 from alignerf.metrics import image as image_metrics
 from alignerf.scenes import prepared
 from alignerf.tables import columns
@@ -22,6 +23,9 @@ from alignerf.tables import columns
 METRICS = tuple(columns.METRICS)
 NETS = [name.removeprefix("lpips_") for name in METRICS if name.startswith("lpips_")]
 COLUMNS = ("view", "test_set", *METRICS, "valid_fraction", "note")
+# A camera that was fitted to a photo is used up to this standard error: renders that
+# are off by more lose a dB and more where there is detail.
+MAX_ERROR_PX = 0.5
 
 
 OPTIONS = {
@@ -45,6 +49,7 @@ def main(argv=None):
     learned = {f"lpips_{net}": load_lpips(net, p) for net, p in paths.items() if p}
     missing = ", ".join(f"lpips_{net}" for net, path in paths.items() if not path)
     missing = missing and f"{missing}: no weights given"
+    errors_px = args.aligned_pose and errors_of(args.aligned_pose)
     rows = []
     # View by view: the test sets of all views together may not fit into memory.
     for view in views:
@@ -54,8 +59,12 @@ def main(argv=None):
             raise ValueError(f"{args.aligned_pose}: no renders by moved cameras")
         for test_set, *images in found:
             row = score(*images, learned, seams=bool(args.aligned_pose))
-            note = "; ".join(n for n in (row.pop("note"), missing) if n)
             name = {"view": loaded.names[view], "test_set": test_set}
+            error_px = errors_px.get((*name.values(),), np.inf) if errors_px else 0
+            if error_px > MAX_ERROR_PX:
+                why = f"psnr_db: the photo leaves its camera open by {error_px:.2g} px"
+                row |= {"psnr_db": np.nan, "note": why}
+            note = "; ".join(n for n in (row.pop("note"), missing) if n)
             rows.append(name | row | {"note": note})
     with atomic.replace_file(args.metrics) as path:
         pd.DataFrame(rows, columns=COLUMNS).to_csv(path, index=False)
@@ -148,6 +157,14 @@ def pairs_of(view, renders, moved):
         # Of a view in which nothing moves, nothing is to be seen of what does.
         if one.needs != "moving" or mask.any():
             yield one.name, image, read(folder), mask
+
+
+def errors_of(folder):
+    """{(view, test set): the larger of its halves' error_px}, unknown ones infinite."""
+    keys = ["view", "test_set"]
+    path = pathlib.Path(folder) / "poses.csv"
+    table = csv_files.read(path, columns=(*keys, "error_px")).fillna(np.inf)
+    return table.groupby(keys)["error_px"].max().to_dict()
 
 
 def load_lpips(net, path):

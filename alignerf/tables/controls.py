@@ -55,6 +55,9 @@ def quantities_of(psnr_db):
         for key, name, control in quantities()
         if name in psnr_db
     }
+    for key, name, _ in quantities():
+        if name in psnr_db and testsets.named(name).partial:
+            found[key] = found[key].dropna()
     found[REMAINS] -= sum(db for key, db in found.items() if key.is_no_alignment)
     return found
 

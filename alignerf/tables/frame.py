@@ -157,8 +157,13 @@ def mean_costs(own):
 
 
 def gains(own, other, prefix="difference_"):
-    """The mean of psnr_db less the column `other`, view by view, with its interval."""
+    """The mean of psnr_db less the column `other`, view by view, with its interval.
+
+    own: lines of one test set.
+    """
     gain_db = own["psnr_db"] - own[other] if other else own["psnr_db"]
+    if len(own) and testsets.named(own["test_set"].iloc[0]).partial:
+        gain_db = gain_db.dropna()
     groups = [one.to_numpy() for _, one in gain_db.groupby(own["scene"], sort=False)]
     return scores.pooled_mean_and_interval(groups, prefix)
 

@@ -11,7 +11,7 @@ from alignerf import testsets
 from alignerf.tables import columns, frame, intervals, latex
 
 TEST_SETS = testsets.shown_in("ranking")
-# Ranked where all rows have it.
+# Ranked where all views of all rows have it.
 OPTIONAL = "aligned_pose"
 # Each draw ranks all rows for each test set.
 DRAWS = 1000
@@ -25,7 +25,7 @@ def make_table(views):
     needed = ["oracle", *TEST_SETS]
     rows = views.groupby(frame.ROW, sort=False)
     psnr_db = [frame.psnr_by_set(own, needed) for _, own in rows]
-    if all(OPTIONAL in table for table in psnr_db):
+    if all(OPTIONAL in table and table[OPTIONAL].notna().all() for table in psnr_db):
         needed.append(OPTIONAL)
     oracle, *others = (np.stack([table[name] for table in psnr_db]) for name in needed)
     lines = [

@@ -50,6 +50,8 @@ def mean_and_interval(values, prefix=""):
 
 def pooled_mean_and_interval(groups, prefix=""):
     """The same of one array of numbers a seed: the mean over seeds of their means."""
+    if not groups or not all(map(len, groups)):
+        return dict.fromkeys(with_ends(prefix), np.nan)
     mean = float(np.mean([values.mean() for values in groups]))
     found = (mean, *intervals.pooled_interval(groups))
     return dict(zip(with_ends(prefix), found, strict=True))

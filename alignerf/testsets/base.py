@@ -29,7 +29,8 @@ class TestSet:
     `evaluate.View` to (image [h, w, 3] uint8, mask [h, w] of the pixels that count).
     tables: those that show it. moved: it is the render that differs, seen by a camera
     that was moved to fit the image; PSNR alone is scored. partial: some views may have
-    no pixel for it, and means leave them out. order: its place in tables.
+    no pixel for it, or no camera, and means and differences leave them out. order: its
+    place in tables.
 
     draw: of a control set, from a `control_sets.View` to its image [h, w, 3] uint8.
     images: folders beside the warped photos that are written for it, its own first.

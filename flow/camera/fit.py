@@ -108,7 +108,7 @@ def motion_of(
     """The motion alone, without what it makes of each pixel; arguments of `split`."""
     valid, depth = _checked(flow_px, valid, pixtocam, depth)
     points = camera_motion.points_of(pixtocam, depth)
-    sample = _sample(valid, max_pixels)
+    sample = sample_of(valid, max_pixels)
     pixels = int(sample.sum())
     motion = camera_motion.STILL._replace(log_focal=log_focal or 0.0)
     if pixels < MIN_PIXELS:
@@ -135,7 +135,7 @@ def _checked(flow_px, valid, pixtocam, depth):
     return valid & known, depth
 
 
-def _sample(usable, most):
+def sample_of(usable, most):
     """At most about so many of the usable pixels, on a regular grid."""
     stride = int(np.ceil(np.sqrt(max(usable.sum() / most, 1))))
     chosen = np.zeros_like(usable)
@@ -145,7 +145,7 @@ def _sample(usable, most):
 
 def fit(flow_px, points, *, log_focal=None):
     """The motion that most pixels agree on: flow_px [n, 2]; see `split`."""
-    unit = _units(points)
+    unit = units(points)
     motion = camera_motion.STILL
     if log_focal is not None:
         motion, unit[-1] = motion._replace(log_focal=log_focal), 0.0
@@ -178,7 +178,7 @@ def _left(motion, flow_px, points, still_px):
     return q, flow_px - (camera_motion.pixels(motion, points, q) - still_px)
 
 
-def _units(points):
+def units(points):
     """A change [7] of each parameter that makes a flow of 1 px, root mean square.
 
     Zero for a parameter without effect, as a step is where all is infinitely far.

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from alignerf import align_test_poses
+from alignerf import align_test_poses, evaluate
 from alignerf.io import faults, images
 from alignerf.metrics import image as image_metrics
 from alignerf.scenes import cameras, prepared
@@ -95,7 +95,8 @@ def scene(tmp_path, rng, method):
         )
         true[:, 3] += [0.02, -0.03, 0.01]
         image, depth = render(*camera)
-        images.write(tmp_path / "truth" / "oracle" / f"{name}.png", image)
+        for folder in ("renders", "truth/oracle"):
+            images.write(tmp_path / folder / f"{name}.png", image)
         images.write(tmp_path / "images" / f"{name}.png", render(camera[0], true)[0])
         flow_px = camera_twins.reprojection_flow(depth, camera, (camera[0], true))
         flow_px = flow_px.astype(np.float32)
@@ -110,7 +111,8 @@ def run(scene, *more, out="moved"):
         align_test_poses.main,
         [
             *("--config", "{}", "--model", "none", "--scene", str(scene)),
-            *("--flow", str(scene / "flow"), "--depth", str(scene / "depth")),
+            *("--renders", str(scene / "renders"), "--depth", str(scene / "depth")),
+            *("--flow", str(scene / "flow"), "--truth", str(scene / "truth")),
             *("--out", str(scene / out), *more),
         ],
     )
@@ -142,6 +144,8 @@ def test_moved_cameras_render_what_the_photos_show(scene):
     lengths = {row["test_set"]: float(row["length_px"]) for row in rows}
     assert lengths["aligned_pose"] > 1
     assert lengths["aligned_pose_overfit"] == pytest.approx(0, abs=1e-9)
+    # What can be seen so well is scored.
+    assert max(float(row["error_px"]) for row in rows) < evaluate.MAX_ERROR_PX / 2
 
 
 @BOTH
@@ -232,3 +236,5 @@ def test_a_flow_that_says_nothing_leaves_the_camera(scene):
         files.write_flow(path, flow_px, valid & False)
     assert run(scene) == 0
     assert psnr_db(scene, "truth/oracle", "moved/aligned_pose") == np.inf
+    errors_px = evaluate.errors_of(scene / "moved")
+    assert errors_px == {(name, "aligned_pose"): np.inf for name in NAMES}

@@ -1,5 +1,6 @@
 """Scores of views: what is measured, and what is left empty and why."""
 
+import itertools
 import shutil
 
 import numpy as np
@@ -203,8 +204,17 @@ def test_moved_cameras_are_scored_by_their_own_renders(folder, rng):
         for name in MOVED:
             image = rng.integers(0, 256, (*SIZE, 3), dtype=np.uint8)
             images.write(folder / "moved" / name / f"{view}.png", image)
+    errors_px = dict.fromkeys(itertools.product("ac", MOVED, range(2)), 0.4)
+    errors_px["a", "aligned_pose", 1] = 0.7
+    errors_px["a", "aligned_pose_overfit", 0] = None
+    poses = [(*key, error_px) for key, error_px in errors_px.items()]
+    poses = pd.DataFrame(poses, columns=["view", "test_set", "half", "error_px"])
+    poses.to_csv(folder / "moved" / "poses.csv", index=False)
     found = run(folder, f"--truth={folder / 'truth'}", aligned_pose="moved")
     assert set(found.index.unique("test_set")) == {*MOVED}
+    # One half by an uncertain camera is enough.
+    assert found.loc["a", "psnr_db"].isna().all()
+    assert "open by 0.7 px" in found.loc["a", "aligned_pose"]["note"]
     for name, kind in {
         "aligned_pose": "images",
         "aligned_pose_overfit": "truth/oracle",

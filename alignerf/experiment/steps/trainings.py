@@ -201,7 +201,7 @@ def align_test_poses(experiment, w):
     """Test views by cameras that are moved until they fit their photos."""
     training, scene = experiment.training(w.scene, w.training), layout.Scene(w.scene)
     at = training.path
-    known = experiment.has_truth(w.scene)
+    truth = experiment.truth_of(w.scene)
     command = words(
         "alignerf.align_test_poses",
         config=training.job.text,
@@ -209,12 +209,14 @@ def align_test_poses(experiment, w):
         model=at.model,
         cameras=at.cameras,
         depth=f"{at.depth}/test",
+        renders=f"{at.renders}/test",
         flow=f"{at.flow}/test",
-        truth_flow=f"{at.flow}/oracle" if known else None,
+        truth=truth,
+        truth_flow=f"{at.flow}/oracle" if truth else None,
         out=at.aligned_pose,
     )
-    inputs = {"learnt": at.learnt, "depth": at.depth, "flow": at.flow}
-    inputs |= {"cameras": scene.cameras}
+    inputs = {"learnt": at.learnt, "depth": at.depth, "flow": at.flow, "truth": truth}
+    inputs |= {"renders": at.renders, "photos": scene.images, "cameras": scene.cameras}
     inputs["decisions"] = trainings.decisions_of(experiment.config, w.scene)
     asked = {"gpu": sources.ACCELERATORS, "threads": sources.OF_TRAINING}
     return Step(command, inputs, **asked)

@@ -73,6 +73,16 @@ def test_intervals_are_of_differences_view_by_view(rng):
     assert high - low > 2
 
 
+def test_a_view_whose_camera_is_uncertain_is_left_out(scores):
+    scores["aligned_pose"][[1, 4]] = np.nan
+    lines = made(controls.make_table, [table_cases.row(scores)]).set_index("quantity")
+    gain = scores["aligned_pose"] - scores["standard"]
+    assert lines.loc["pose_gain", "db"] == pytest.approx(np.nanmean(gain))
+    assert lines["views"].to_dict() == dict.fromkeys(lines.index, VIEWS) | {
+        "pose_gain": VIEWS - 2
+    }
+
+
 def test_without_an_oracle_its_columns_are_not_there(scores, rows):
     known = {key: db for key, db in scores.items() if key not in ("oracle", *MOVED)}
     table = made(controls.make_table, [table_cases.row(known)])

@@ -65,6 +65,25 @@ def test_a_view_in_which_nothing_moves_has_no_part_in_what_moves():
     assert np.isnan(table_cases.one(table, test_set="oracle_still")["psnr_db"])
 
 
+@pytest.mark.parametrize("lost", [[0], [0, 1], [0, 1, 2]])
+def test_differences_are_of_views_that_both_rows_have(lost):
+    """A view whose camera is uncertain is left out, of this row or of its base."""
+    every = np.arange(3.0)
+    base, own = 20 + 5 * every, 21 + 5 * every
+    own[lost] = base[1] = np.nan
+    row = None
+    for name, db in (("plain", base), ("b", own)):
+        scores = {"psnr_db": db, "ssim": db * np.nan}
+        row = table_cases.row({"aligned_pose": scores}, name, base=row)
+    table = made(misalignment.make_table, [row])
+    found = table_cases.one(table, method="b", test_set="aligned_pose")
+    kept = [view for view in range(3) if view not in lost]
+    wanted = own[kept].mean() if kept else np.nan
+    assert found["psnr_db"] == pytest.approx(wanted, nan_ok=True)
+    gain = 1.0 if set(kept) - {1} else np.nan
+    assert found["difference_db"] == pytest.approx(gain, nan_ok=True)
+
+
 def test_differences_to_the_base_are_paired_by_view(row):
     for line in made(misalignment.make_table, [row]).to_dict("records"):
         own = row[row["test_set"] == line["test_set"]]
