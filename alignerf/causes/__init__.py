@@ -54,7 +54,8 @@ def examine(e):
         if by:
             one = one._replace(sure=None, spoilt=min(by, key=order).cause.spoils)
         stake = at_stake.of(cause.name, one.size) if one.sure is not None else None
-        found.append(one._replace(cause=cause, at_stake=stake))
+        photos = tuple(one.photos or e.photos.get(cause.name, ()))
+        found.append(one._replace(cause=cause, at_stake=stake, photos=photos))
     return sorted(found, key=order)
 
 

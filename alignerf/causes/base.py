@@ -12,6 +12,10 @@ from typing import NamedTuple
 from alignerf.metrics import pairs as of_pairs
 from alignerf.sfm.lens import Lens
 
+# Photos that a sentence names.
+MAX_NAMED = 5
+NO_PHOTOS: dict = {}
+
 
 class Matches(NamedTuple):
     """What bundle adjustment says of the cameras; lengths in px of the photo.
@@ -118,6 +122,8 @@ class Evidence(NamedTuple):
     # Photos that lie there twice; views that a floater hides a part of.
     copies: int = 0
     hidden_views: float = 0
+    # Of what photos show, what others of the same place do not.
+    transient_fraction: float = math.nan
     # Whether the poses came with the photos, and the error that was put into them.
     poses_given: bool = False
     perturb_px: float = 0.0
@@ -134,6 +140,8 @@ class Evidence(NamedTuple):
     by_colmap: str | None = None
     # What this run has tried, `remedies.Gain`s.
     tried: tuple = ()
+    # {name of a cause: names of the photos that it is about}.
+    photos: dict = NO_PHOTOS
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -147,7 +155,7 @@ class Cause:
     not told then, because `spoils`.
     called: a phrase for the headline; {probably} is empty where the cause is sure.
     sentence: with its number: {probably}, {value}, {px} is the value as a length,
-    {said} is the Finding's.
+    {said} is the Finding's, {photos} the first few in brackets, or nothing.
     advice: what to do, never nothing. advice_external: in its place where another
     program was trained; {export} writes corrected photos and cameras.
     page: below docs/, what to do about it.
@@ -176,6 +184,7 @@ class Finding(NamedTuple):
     the cause's.
     detectable: whether the run tells the cause. stands: whether it is told by what no
     other cause spoils. explains: whether it spoils what the cause `explains`.
+    photos: names of those that it is about, where it is of some.
     cause, why its evidence is spoilt, and (low, middle, high) dB that its removal is
     estimated to bring, None where unknown: as `causes.examine` finds them.
     """
@@ -190,6 +199,7 @@ class Finding(NamedTuple):
     detectable: bool = True
     stands: bool = False
     explains: bool = True
+    photos: tuple = ()
     cause: Cause | None = None
     spoilt: str = ""
     at_stake: tuple | None = None
@@ -218,6 +228,7 @@ class Finding(NamedTuple):
             value=self.value,
             px=length(self.value),
             said=self.said,
+            photos=f" ({some(self.photos)})" * bool(self.photos),
         )
 
     def told(self, *, external):
@@ -234,6 +245,12 @@ def beyond(value, limit, *, more_is_better=False, where=True, **more):
     size, least = (limit, value) if more_is_better else (value, limit)
     sure = size > 2 * least if size > least and where else None
     return Finding(value, limit, sure, more_is_better, **more)
+
+
+def some(names):
+    """The first few names, and how many there are more."""
+    more = len(names) - MAX_NAMED
+    return ", ".join(names[:MAX_NAMED]) + f" and {more} more" * (more > 0)
 
 
 def probably(sure):

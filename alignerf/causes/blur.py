@@ -12,10 +12,9 @@ CAUSE = base.Cause(
     unit="%",
     find=lambda e: base.beyond(100 * e.blurred_fraction, 100 * BLURRED_VIEWS),
     called="some photos are {probably}blurred",
-    sentence="{value:.0f} % of the photos are {probably}blurred: they are less "
-    "sharp than their renders.",
-    advice="leave out the blurred photos, see tables/views.csv.",
-    advice_external="leave out the blurred photos, see tables/views.csv, and train "
-    "again.",
+    sentence="{value:.0f} % of the photos are {probably}blurred{photos}: they are "
+    "less sharp than their renders.",
+    advice="leave out the blurred photos.",
+    advice_external="leave out the blurred photos, and train again.",
     page="howto/fix.md#too-few-blurred-uneven-photos",
 )

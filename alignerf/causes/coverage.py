@@ -127,7 +127,7 @@ FLOATERS = base.Cause(
     unit="% of the views",
     find=find_floaters,
     called="floaters {probably}hide parts of views",
-    sentence="Floaters {probably}hide parts of {said}: they show "
+    sentence="Floaters {probably}hide parts of {said}{photos}: they show "
     "something close to the camera that is not in the photo.",
     advice="take more photos where floaters hang, or prune what is near the "
     "cameras before exporting the splat.",

@@ -36,7 +36,7 @@ CAUSE = base.Cause(
     find=find,
     called="things {probably}moved",
     sentence="Things {probably}moved between photos: {value:.0f} % of a photo moves "
-    "independently of the camera.",
+    "independently of the camera{photos}.",
     advice="train longer, then warp the photos once (rounds: 1). Where only objects "
     f"move in the demo's scene, warping brought {WARPED_MOTION_DB} dB at as many "
     f"steps, and lost {-WARPED_MOTION_TWICE_DB} dB to a training as long as both.",

@@ -15,6 +15,7 @@ def find_pairs(e):
         0,
         True if wrong else None,
         measured=f"{wrong or 'none'} wrong of {e.pairs.count}",
+        photos=tuple(e.pairs.faults),
         **(found if wrong else {}),
     )
 
@@ -41,8 +42,8 @@ COPIES = base.Cause(
     unit="photos",
     find=find_copies,
     called="photos are there twice",
-    sentence="{value} photos duplicate another one: a held-out photo that is also "
-    "a training photo tests nothing.",
+    sentence="{value} photos duplicate another one{photos}: a held-out photo that is "
+    "also a training photo tests nothing.",
     advice="leave one of each two duplicates out.",
     advice_external="leave one of each two duplicates out, and train again.",
 )

@@ -10,9 +10,9 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
-from alignerf.cameras import common_flow, exposure, spacing
+from alignerf.cameras import common_flow, exposure, spacing, transients
 from alignerf.causes import base as causes
-from alignerf.causes import blur
+from alignerf.causes import blur, motion
 from alignerf.io import csv_files, json_files, machine, provenance
 from alignerf.metrics import copies, pairs, spectrum, tone
 from alignerf.scenes import prepared
@@ -60,8 +60,43 @@ def read_views(loaded: prepared.Scene, base, look):
                 seen.of_view, loaded, base, split, seen.table(base, split), look
             )
             found += machine.map_in_threads(read, loaded.views(split))
-    rows = views.named(one.row for one in found)
-    return [one._replace(row=row) for one, row in zip(found, rows, strict=True)]
+    return found
+
+
+def transients_of(found, checked, judged):
+    """A `transients.Found` of each `seen.Seen`; of pairs that are none, unknown.
+
+    judged: `ExternalRenders`, or None. Sparse points are no depth to move photos by.
+    """
+    coarse = judged and judged.depth != "given"
+    used = [
+        i
+        for i, one in enumerate(found)
+        if not (checked.stops or coarse or one.row.view in checked.faults)
+    ]
+    masks = [transients.unknown(one.place.depth.shape) for one in found]
+    own = transients.found([found[i].place for i in used])
+    for i, mask in zip(used, own, strict=True):
+        masks[i] = mask
+    return masks
+
+
+def photos_of(found, detail, bad):
+    """{cause: names of the photos that it is about}, of what is about some photos.
+
+    detail: of the usual photo over its render. bad: names of those that are left out.
+    """
+    about = {
+        "transients": lambda one: one.row.transient_fraction > 0,
+        "blurred": lambda one: one.row.sharpness_ratio < blur.BLURRED_DETAIL * detail,
+        "motion": lambda one: one.row.moved_fraction > motion.MOVED_FRACTION,
+        "floaters": lambda one: one.hidden > HIDDEN,
+    }
+    kept = [one for one in found if one.row.view not in bad]
+    return {
+        cause: tuple(one.row.view for one in kept if is_so(one))
+        for cause, is_so in about.items()
+    }
 
 
 def lens_of(loaded: prepared.Scene, base):
@@ -115,6 +150,7 @@ def sums_of(found):
         "hidden_views": hidden_views(hidden),
         "flow_train_px": median(train["flow_px"]),
         "flow_test_px": median(test["flow_px"]),
+        "transient_fraction": mean(frame["transient_fraction"].dropna()),
         "camera_px": median(main["camera_px"]),
         "remainder_px": median(main["remainder_px"]),
         "moved_fraction": median(main["moved_fraction"]),
@@ -138,11 +174,13 @@ def read(scene, base, *, overfit=None, crops=(None, None), before=None):
     poses = prepared.read_poses(scene, POSES)
     rays_seen = json_files.read(base / "timing.json", TIMING)["rays_seen"]
     told = poses.get("external_renders")
+    # Of crops, that of the photos which they are cut from.
+    width_px = float((poses.get("photo_size") or [poses["photo_width"]])[0])
     # Another program's black borders may be all of what a photo shows.
     whole = bool(told and not told.get("transparent"))
     look = partial(pairs.look, whole=whole, own=bool(told and told.get("of_splat")))
+    judged = read_judged(poses, before, width_px)
     found = read_views(loaded, base, look)
-    rows = [one.row for one in found]
     looked = {one.row.view: one.pair for one in found}
     shared = spread(exposure.stops([one.sampled for one in found]))
     apart = [
@@ -150,24 +188,31 @@ def read(scene, base, *, overfit=None, crops=(None, None), before=None):
         for split in ("test", "train")
     ]
     poses_of_views = [one.sampled.camtoworld for one in found]
-    main = [row.view for row in rows if row.split == "train"] or list(looked)
+    main = [one.row.view for one in found if one.row.split == "train"] or list(looked)
     checked = pairs.check(looked, main)
     if rays_seen is not None:
         # Ours are renders of their photos; of photos that are mirrored they may not be.
         checked = checked.only("turned")
     # Pairs that are none are left out, unless there are too many of them.
     bad = () if checked.stops else checked.faults
+    masks = transients_of(found, checked, judged)
+    found = [
+        one._replace(row=one.row._replace(transient_fraction=mask.share))
+        for one, mask in zip(found, masks, strict=True)
+    ]
     # What else stands out about a pair that is none, or among such, follows from that.
     rows = [
         row._replace(stands_out=checked.faults.get(row.view, ("", ""))[1])
         if checked.stops or row.view in bad
         else row
-        for row in rows
+        for row in views.named(one.row for one in found)
     ]
     train_views, test_views = (int((loaded.split == s).sum()) for s in prepared.SPLITS)
     photo_px = poses["photo_width"] / poses["width"]
-    # Of crops, that of the photos which they are cut from.
-    width_px = float((poses.get("photo_size") or [poses["photo_width"]])[0])
+    repeated = copies.of([one.small for one in found], np.array(poses_of_views))
+    numbers = sums_of([one for one in found if one.row.view not in bad])
+    about = photos_of(found, numbers["detail_median"], bad)
+    about["copies"] = tuple(found[i].row.view for i in repeated)
     known = causes.Evidence(
         train_views=train_views,
         test_views=test_views,
@@ -191,12 +236,13 @@ def read(scene, base, *, overfit=None, crops=(None, None), before=None):
         # Folders of earlier versions do not say it.
         perturb_by=poses.get("perturb_by") or "rotation",
         crops=read_crops(*crops),
-        judged=read_judged(poses, before, width_px),
+        judged=judged,
         matches=of_matches(poses),
         pairs=checked,
         by_colmap=by_colmap(poses, scene),
-        copies=len(copies.of([one.small for one in found], np.array(poses_of_views))),
-        **sums_of([one for one in found if one.row.view not in bad]),
+        copies=len(repeated),
+        photos=about,
+        **numbers,
         **lens_of(loaded, base),
     )
     return known, rows

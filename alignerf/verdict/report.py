@@ -59,12 +59,9 @@ def of(e, views):
         "tried": [tried(gain, e) for gain in e.tried] * told,
         "measured": measured.sentences(e, views),
         "findings": [
-            {
-                "cause": one.cause.name,
-                "value": one.value,
-                "sure": one.sure,
-                "at_stake_db": one.at_stake and list(one.at_stake[::2]),
-            }
+            {key: getattr(one, key) for key in ("value", "sure", "photos")}
+            | {"cause": one.cause.name}
+            | {"at_stake_db": one.at_stake and list(one.at_stake[::2])}
             for one in named
         ],
         "causes": [gauge(one) for one in examined],

@@ -4,7 +4,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from alignerf.cameras import exposure
+from alignerf.cameras import exposure, transients
 from alignerf.causes import motion
 from alignerf.io import archives, csv_files
 from alignerf.metrics import copies, floaters, pairs, spectrum, tone
@@ -15,13 +15,14 @@ from alignerf.verdict import views
 class Seen(NamedTuple):
     """A view's row, and what is compared with other views'.
 
-    octaves: of `spectrum`. hidden: the fraction of the view that something close to the
-    camera hides.
+    place: as `transients` compares it. octaves: of `spectrum`. hidden: the fraction of
+    the view that something close to the camera hides.
     """
 
     row: views.View
     pair: pairs.Seen
     sampled: exposure.Sampled
+    place: transients.View
     levels: tone.Levels
     octaves: np.ndarray
     hidden: float
@@ -53,12 +54,13 @@ def of_view(loaded: prepared.Scene, base, split, tables, look, view):
     )
     depth = archives.read(base / "depth" / split / f"{name}.npz", ["depth"])["depth"]
     camera = loaded.pixtocams[view], loaded.camtoworlds[view]
-    sampled = exposure.sampled(exposure.View(photo, depth, *camera, counts))
+    whole = exposure.View(photo, depth, *camera, counts)
     shown = np.where(counts[..., None], photo, render)
     return Seen(
         measured,
         look(photo, render, counts),
-        sampled,
+        exposure.sampled(whole),
+        transients.small(whole),
         tone.levels_of(photo, render, counts),
         spectrum.octaves(shown, render) * (1.0 if counts.mean() > 0.5 else np.nan),
         floaters.hidden(photo, render, depth, counts),

@@ -41,6 +41,8 @@ class View(NamedTuple):
     exposure_ev: float
     # Blur that makes the photo like the render.
     blur_sigma_px: float
+    # Share of what it shows that other photos of the same place do not.
+    transient_fraction: float = np.nan
     # Why it stands out among the views; empty where it does not.
     stands_out: str = ""
 
@@ -96,7 +98,10 @@ def named(views):
 
     A view of a small split has to stand out among all, too.
     """
-    rows = list(views)
+    rows = [
+        one._replace(stands_out=TRANSIENT * (one.transient_fraction > LARGE))
+        for one in views
+    ]
     far_off = [far(rows, key, sign) for key, sign, _ in REASONS]
     for split in ("train", "test"):
         places = [i for i, view in enumerate(rows) if view.split == split]
@@ -133,6 +138,8 @@ def far(views, key, sign):
     return sign * deviations(values, MIN_SPREADS.get(key))
 
 
+# A view stands out, whatever the others are, where it has so much that comes and goes.
+LARGE, TRANSIENT = 0.02, "shows what other photos do not"
 # What makes a view stand out, and in which direction.
 REASONS = (
     ("psnr_db", -1, "much farther from its render than the others"),

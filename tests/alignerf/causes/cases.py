@@ -37,6 +37,7 @@ WELL = base.Evidence(
     tone_gain_ev=0.0,
     tone_gamma=1.0,
     tone_white_ev=0.0,
+    transient_fraction=0.0,
     exchanged=4.0,
 )
 # Matches that find nothing to correct.
@@ -74,6 +75,7 @@ FAULTS = {
     "focal": {"matches": with_lens("focal", focal_ratio=1.02)},
     "rolling_shutter": {"matches": with_lens("shutter", shutter_px=4.0)},
     "copies": {"copies": 3},
+    "transients": {"transient_fraction": 0.03},
 }
 # Of another program's renders alone.
 OF_RENDERS = {

@@ -1,0 +1,195 @@
+"""What one photo shows and others of the same place do not: somebody who walks through.
+
+A flow says nothing of what is there or not. Photos of other views, moved into a view by
+the depth of their own renders, tell what the place looks like without it.
+"""
+
+from typing import NamedTuple
+
+import cv2
+import numpy as np
+
+from alignerf.cameras import exposure
+from alignerf.scenes import cameras
+
+# Photos are compared with a longer side of so much.
+LONGEST_PX = 160
+# With so many neighbours each; fewer than so many agree on nothing.
+NEIGHBOURS, MIN_AGREE = 12, 3
+# Levels of 8 bits that a photo is apart by from what others agree on, at least, and in
+# times of what they are apart from one another: of what is told, and inside of it.
+WEAK, STRONG = (15.0, 2.0), (25.0, 3.0)
+# Levels that no shadow leaves, which makes all channels darker alike.
+SHADE = 13.5
+# Of the longer side: what is finer than this is not looked for.
+SIGMA_FRACTION = 0.012
+# Of the pixels that are known of a view: a smaller part is none.
+MIN_PART = 0.006
+# Of a view: what has to be known of it; of that: a larger part is no thing any more.
+MIN_KNOWN, MAX_PART = 0.1, 0.5
+# A surface hides what is farther away by so much.
+BEHIND = 1.05
+# Of 8 bits: beyond, a pixel is clipped or noise. As bright as so many pixels say.
+DARKEST, BRIGHTEST, MIN_PIXELS = 8, 247, 100
+
+
+class View(NamedTuple):
+    """A view made small: blurred photo [h, w, 3] uint8, depth [h, w], its camera.
+
+    depth is along the axis, and NaN where it is unknown or the photo does not count.
+    """
+
+    photo: np.ndarray
+    depth: np.ndarray
+    pixtocam: np.ndarray
+    camtoworld: np.ndarray
+    counts: np.ndarray
+
+
+class Found(NamedTuple):
+    """[h, w] bool: where a photo shows what others do not; where that is known."""
+
+    shown: np.ndarray
+    known: np.ndarray
+
+    @property
+    def share(self):
+        """Of what is known; NaN of nothing."""
+        count = self.known.sum()
+        return float(self.shown.sum() / count) if count else np.nan
+
+
+def small(view: exposure.View) -> View:
+    """The parts of a view that are compared with other views'."""
+    k = -(-max(view.depth.shape) // LONGEST_PX)
+    chosen = slice(k // 2, None, k), slice(k // 2, None, k)
+    sigma = max(SIGMA_FRACTION * max(view.depth.shape), 0.5 * k)
+    photo = cv2.GaussianBlur(view.photo, (0, 0), sigma)[chosen]
+    depth = view.depth[chosen].astype(np.float32)
+    counts = np.ones(depth.shape, bool)
+    if view.counts is not None:
+        counts = view.counts[chosen]
+    depth = np.where(counts & np.isfinite(depth) & (depth > 0), depth, np.nan)
+    shift = k // 2 + 0.5 - 0.5 * k
+    pixtocam = view.pixtocam @ np.array([[k, 0, shift], [0, k, shift], [0, 0, 1.0]])
+    return View(photo, depth, pixtocam, view.camtoworld, counts)
+
+
+def found(views):
+    """`Found` of each `View`."""
+    return [
+        of_view(view, [views[i] for i in near])
+        for view, near in zip(views, neighbours(views), strict=True)
+    ]
+
+
+def neighbours(views):
+    """Of each view, the indices of those that it is compared with."""
+    if not views:
+        return
+    centres = np.array([view.camtoworld[:, 3] for view in views])
+    axes = np.array([view.camtoworld[:, 2] for view in views])
+    size = max(np.ptp(centres, axis=0).max(), 1e-12)
+    for i in range(len(views)):
+        far = np.linalg.norm(centres - centres[i], axis=-1) / size + 1 - axes @ axes[i]
+        far[i] = np.inf
+        yield np.argsort(far)[: min(NEIGHBOURS, len(views) - 1)]
+
+
+def of_view(view: View, others) -> Found:
+    """`Found` of a view by other ones."""
+    if len(others) < MIN_AGREE:
+        return unknown(view.depth.shape)
+    own = view.photo.astype(np.float32)
+    moved = np.stack([alike(moved_into(view, other), own) for other in others])
+    # Unknown ones come last.
+    order = np.sort(moved, axis=0)
+    count = np.isfinite(moved[..., 0]).sum(axis=0)
+    agreed = middle(order, count)
+    apart = middle(np.sort(np.abs(moved - agreed), axis=0), count).mean(axis=-1)
+    off = np.abs(own - agreed).mean(axis=-1)
+    known = (count >= MIN_AGREE) & view.counts
+    weak, strong = (
+        opened(known & (off > np.maximum(levels, times * apart)))
+        for levels, times in (WEAK, STRONG)
+    )
+    agreed = np.where(known[..., None], agreed, 0)
+    shown = things(weak, strong, own, agreed, max(MIN_PART * known.sum(), 1))
+    # A photo that differs nearly everywhere is another one, or its camera is wrong.
+    usable = known.mean() > MIN_KNOWN and shown.sum() < MAX_PART * known.sum()
+    return Found(shown, known) if usable else unknown(known.shape)
+
+
+def unknown(shape):
+    """`Found` of a view [h, w] of which nothing is known."""
+    return Found(np.zeros(shape, bool), np.zeros(shape, bool))
+
+
+def middle(ordered, count):
+    """Median [h, w, 3] of the first `count` [h, w] of values [n, h, w, 3]; or NaN."""
+    places = np.stack(
+        [np.maximum(count - 1, 0) // 2, np.minimum(count // 2, len(ordered) - 1)]
+    )
+    return np.take_along_axis(ordered, places[..., None], axis=0).mean(axis=0)
+
+
+def opened(seen):
+    """A mask without what is as narrow as an edge."""
+    size = 2 * round(max(SIGMA_FRACTION * max(seen.shape), 1)) + 1
+    disc = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (size, size))
+    return cv2.morphologyEx(seen.astype(np.uint8), cv2.MORPH_OPEN, disc)
+
+
+def things(weak, strong, own, agreed, least_px):
+    """The parts of a mask that hold so many pixels of a stronger one, and no shadows.
+
+    own, agreed [h, w, 3]: what the photo shows, and what others do.
+    """
+    _, labels = cv2.connectedComponents(weak)
+
+    def total(values):
+        return np.bincount(labels.ravel(), np.ravel(values), labels.max() + 1)
+
+    gain = total((own * agreed).sum(-1)) / np.maximum(total((agreed**2).sum(-1)), 1)
+    left = np.abs(own - gain[labels][..., None] * agreed).mean(axis=-1)
+    kept = (total(strong) >= least_px) & (total(left) > SHADE * total(weak))
+    kept[0] = False
+    return kept[labels]
+
+
+def moved_into(view: View, other: View):
+    """What another photo shows [h, w, 3] where that lies in a view; NaN: unknown."""
+    h, w = view.depth.shape
+    y, x = np.nonzero(np.isfinite(other.depth))
+    shown = np.full((h * w, 3), np.nan, np.float32)
+    # Both cameras in one matrix, which is faster than points of the world between.
+    axes = cameras.OPENGL_FROM_OPENCV
+    into = np.linalg.inv(view.pixtocam) @ axes @ view.camtoworld[:, :3].T
+    out = into @ other.camtoworld[:, :3] @ axes @ other.pixtocam
+    pixels = np.stack([x + 0.5, y + 0.5, np.ones(len(x))])
+    points = out @ (other.depth[y, x] * pixels)
+    points += (into @ (other.camtoworld[:, 3] - view.camtoworld[:, 3]))[:, None]
+    depth = points[2]
+    with np.errstate(divide="ignore", invalid="ignore"):
+        u, v = points[:2] / depth
+    inside = (depth > 0) & (u >= 0) & (v >= 0) & (u < w) & (v < h)
+    at = v[inside].astype(int) * w + u[inside].astype(int)
+    depth = depth[inside].astype(np.float32)
+    near = np.full(h * w, np.inf, np.float32)
+    np.minimum.at(near, at, depth)
+    front = cv2.medianBlur(near.reshape(h, w), 3).ravel()
+    # What lies behind shows through the holes of what is in front; floaters are sparse.
+    first = depth <= np.minimum(near[at], BEHIND * front[at])
+    shown[at[first]] = other.photo[y, x][inside][first]
+    return shown.reshape(h, w, 3)
+
+
+def alike(shown, own):
+    """As bright as a view's photo, in each channel."""
+    known = np.isfinite(shown[..., 0]) & (own.min(axis=-1) > DARKEST)
+    known &= np.maximum(own, shown).max(axis=-1) < BRIGHTEST
+    if known.sum() < MIN_PIXELS:
+        return np.full_like(shown, np.nan)
+    even = shown * np.median((own[known] + 1) / (shown[known] + 1), axis=0)
+    # What is clipped may be any brighter.
+    return np.minimum(np.where(shown > BRIGHTEST, np.maximum(even, own), even), 255)
