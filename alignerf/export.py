@@ -9,11 +9,13 @@ have the warped photos. Cameras that have moved bring points of their own.
 """
 
 import logging
+from functools import partial
 from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
 
+from alignerf.cameras import transients
 from alignerf.captures import base
 from alignerf.experiment.checks import scenes as of_scenes
 from alignerf.exports import formats, held_out, points, readme, warps, written
@@ -54,6 +56,7 @@ OPTIONS = {
         "folders of test views: their cameras are fitted to their photos",
         {"nargs": 2, "metavar": ("FLOW", "DEPTH")},
     ),
+    "[transients]": "transients.npz: what comes and goes is masked",
     "[adjusted]": "adjusted cameras.npz, taken where held-out matches accept them",
     "[corrected-by]": "poses_corrected.json of --cameras, where FLOW is from before",
     "[if-pays]": (
@@ -82,7 +85,10 @@ def main(argv=None):
         atomic.scratch_folder(out.parent, name="export") as work,
     ):
         chosen = choose(args, config, work)
-        masked = written.write(folder, chosen.views, alpha=is_synthetic(args.scene))
+        found = transients.read(args.transients) if args.transients else {}
+        hidden = {name: partial(transients.of_photo, found[name]) for name in found}
+        alpha = is_synthetic(args.scene)
+        masked = written.write(folder, chosen.views, alpha=alpha, hidden=hidden)
         arrays = written.arrays_of(chosen.views)
         agreeing = np.arange(len(chosen.views.names))
         if chosen.moved and not chosen.adjusted:

@@ -10,6 +10,7 @@ import cv2
 import numpy as np
 
 from alignerf.cameras import exposure
+from alignerf.io import archives
 from alignerf.scenes import cameras
 
 # Photos are compared with a longer side of so much.
@@ -193,3 +194,23 @@ def alike(shown, own):
     even = shown * np.median((own[known] + 1) / (shown[known] + 1), axis=0)
     # What is clipped may be any brighter.
     return np.minimum(np.where(shown > BRIGHTEST, np.maximum(even, own), even), 255)
+
+
+def write(path, masks):
+    """Write {view: [h, w] bool} as an .npz, all of one size; there may be none."""
+    shape = next((mask.shape for mask in masks.values()), (0, 0))
+    every = np.array([*masks.values()], bool).reshape(len(masks), *shape)
+    with open(path, "wb") as file:
+        np.savez_compressed(file, names=np.array([*masks], str), shown=every)
+
+
+def read(path):
+    """{view: [h, w] bool} as `write` wrote it."""
+    data = archives.read(path, ("names", "shown"))
+    return dict(zip(data["names"].tolist(), data["shown"], strict=True))
+
+
+def of_photo(mask, size):
+    """A mask in a photo of (width, height), with a little more around it."""
+    wider = cv2.dilate(mask.astype(np.uint8), np.ones((3, 3), np.uint8))
+    return cv2.resize(wider, size, interpolation=cv2.INTER_NEAREST) > 0

@@ -30,7 +30,7 @@ CAUSE = base.Cause(
     sentence="Things {probably}come and go: {value:.1f} % of what photos show is not "
     "there in others of the same place{photos}.",
     advice="leave those photos out, or mask what comes and goes (`masks`).",
-    advice_external="mask what comes and goes, leave those "
+    advice_external="mask what comes and goes (`{export}` writes masks), leave those "
     "photos out, or use a trainer that is robust to it.",
     page="howto/fix.md#something-moved",
 )

@@ -144,7 +144,7 @@ def stages(experiment, scene, exports):
         outputs = own.parts(split, "_photos"), own.decomposition(split, "_photos")
         yield stage("decompose", *outputs, log=log, **of)
     yield stage("config", at.config, place=at)
-    yield stage("verdict", at.verdict, at.views, place=at)
+    yield stage("verdict", at.verdict, at.views, at.transients, place=at)
     yield stage("page", at.page, place=at)
     for path in exports:
         _, name, method, _, what = Path(path).parts

@@ -55,6 +55,7 @@ class Scene(Folder):
     page = Below("index.html")
     tables = Below("tables")
     views = Below("tables/views.csv")
+    transients = Below("transients.npz")
     misalignment = Below("tables/misalignment.csv")
     figures = Below("figures")
     # The warped test set, its flow, and how long that is.

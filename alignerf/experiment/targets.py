@@ -77,7 +77,7 @@ def unasked(experiments):
 def of_page(experiment, scene):
     """What a scene's page shows, or leads to, besides images."""
     at = layout.Scene(scene)
-    every = [at.config, at.poses, at.verdict, at.views]
+    every = [at.config, at.poses, at.verdict, at.views, at.transients]
     if not experiment.capture(scene).trains:
         # Nothing is trained, so nothing is decided, scored or compared.
         return every

@@ -43,9 +43,10 @@ def arrays_of(views: prepare.PosedViews):
     }
 
 
-def write(folder, views: prepare.PosedViews, *, alpha):
+def write(folder, views: prepare.PosedViews, *, alpha, hidden=()):
     """Write images/ and, where not all pixels count, masks/; returns whether it did.
 
+    hidden: {view: (width, height) -> [h, w] bool} of what does not count besides.
     alpha: photos get one, of one, as readers of NeRF's synthetic scenes need it.
     """
     (folder / "images").mkdir()
@@ -58,11 +59,15 @@ def write(folder, views: prepare.PosedViews, *, alpha):
             images.write(path, image)
 
     prepare.each_photo(views, write_one, "photos")
-    if views.masks is None:
+    if views.masks is None and not hidden:
         return False
     (folder / "masks").mkdir()
-    for name, mask in zip(views.names, views.masks, strict=True):
+    size = views.width, views.height
+    masks = views.masks or [prepare.all_count(*size)] * len(views.names)
+    for name, mask in zip(views.names, masks, strict=True):
         counts = (mask.read() >= prepare.WHITE).all(axis=-1)
+        if name in hidden:
+            counts &= ~hidden[name](size)
         images.write_mask(folder / formats.MASK.format(view=name), counts)
     return True
 

@@ -8,8 +8,10 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import NamedTuple
 
+import cv2
 import numpy as np
 
+from alignerf.cameras import transients
 from alignerf.io import archives, csv_files, faults, images, machine
 from alignerf.metrics import image as image_metrics
 from alignerf.page import contents, pictures
@@ -26,6 +28,8 @@ WHEEL_PX = 160
 STRIP_HEIGHT = 100
 # A length is `low` up to its limit, `high` beyond so many limits.
 HIGH = 3.0
+# The photo with a line around what comes and goes, of its longer side and in RGB.
+TRANSIENT, LINE, LINE_COLOUR = "what comes and goes", 0.006, (255, 0, 160)
 # Thumbnails that are not folded away.
 SOME = 24
 # Of crops at the photos' own size, in folders of trainings on them.
@@ -52,8 +56,11 @@ class Shown(NamedTuple):
         return f"{self.row.split}/{self.row.view}"
 
 
-def of_view(row, sources, folder, base, limit_px, turns=0):
-    """`Shown` of a photo; sources: of its split, as `sources_of` finds them."""
+def of_view(row, sources, folder, base, limit_px, turns=0, mask=None):
+    """`Shown` of a photo; sources: of its split, as `sources_of` finds them.
+
+    mask: where it shows what others do not, or None.
+    """
     name = row.view
 
     def image(folder):
@@ -64,6 +71,8 @@ def of_view(row, sources, folder, base, limit_px, turns=0):
         return lambda: coloured(*read_flow(path, turns), limit_px)
 
     layers = {"photo": image(folder / "images")}
+    if mask is not None:
+        layers[TRANSIENT] = lambda: outlined(layers["photo"](), np.rot90(mask, -turns))
     for after, (_, render, shift) in sources.items():
         layers[f"render{after}"] = image(render)
         layers[f"flow{after}"] = flow(shift)
@@ -73,6 +82,14 @@ def of_view(row, sources, folder, base, limit_px, turns=0):
         layers["truth"] = image(truth)
     renders = {f"render{after}": words for after, (words, *_) in sources.items()}
     return Shown(row, turns, layers, renders, Path(sources[""][2]) / f"{name}.npz")
+
+
+def outlined(photo, mask):
+    """The photo [h, w, 3] with a line around a mask, as of `transients.of_photo`."""
+    where = transients.of_photo(mask, photo.shape[1::-1]).astype(np.uint8)
+    width_px = max(round(max(photo.shape) * LINE), 1)
+    lines, _ = cv2.findContours(where, cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_NONE)
+    return cv2.drawContours(photo.copy(), lines, -1, LINE_COLOUR, width_px)
 
 
 def read_flow(path, turns=0):
@@ -131,6 +148,7 @@ def captions(shown: Shown, photo_px):
     row = shown.row
     how = "held out" if row.split == "test" else "a training photo"
     said = {"photo": f"photo, {how}", "warped photo": "photo, warped onto the render"}
+    said[TRANSIENT] = "photo; others of the same place do not show what is outlined"
     said["truth"] = "ground truth, what the photo would show without misalignment"
     detail = image_metrics.detail(shown.layers["photo"]())
     for place, (name, whose) in enumerate(shown.renders.items()):
@@ -153,10 +171,14 @@ def shown(folder, rounds, others, base, limit_px, whose=None):
     """
     turns = contents.quarter_turns(folder)
     sources = sources_of(rounds, others, base, f"by {whose or base.parent.name}")
-    return [
-        of_view(row, sources[row.split], folder, base, limit_px, turns.get(row.view, 0))
-        for row in pictures.in_order(scored(folder, sources))
-    ]
+    path = folder / "transients.npz"
+    masks = transients.read(path) if path.is_file() else {}
+
+    def of(row):
+        own = turns.get(row.view, 0), masks.get(row.view)
+        return of_view(row, sources[row.split], folder, base, limit_px, *own)
+
+    return [*map(of, pictures.in_order(scored(folder, sources)))]
 
 
 def scored(folder, splits):

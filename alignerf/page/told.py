@@ -30,8 +30,19 @@ def read(folder):
         "do_first": first,
         "gauges": [*map(gauge, found["causes"])],
         "fixes": fixes(found["tried"]),
+        "about": about(found),
         "right": how_right(),
     }
+
+
+def about(found):
+    """[{name, photos}] of what is named of some photos; earlier verdicts have none."""
+    labels = {one["cause"]: one["name"] for one in found["causes"]}
+    return [
+        {"name": labels.get(one["cause"], one["cause"]), "photos": one["photos"]}
+        for one in found.get("findings") or ()
+        if one.get("photos")
+    ]
 
 
 def how_right():

@@ -1,7 +1,8 @@
 """The verdict on a scene: `python -m alignerf.verdict`.
 
 Writes verdict.json (what is wrong, how sure that is, what to do, what that brings and
-costs) and views.csv (every photo, and why it stands out); prints the verdict.
+costs), views.csv (every photo, and why it stands out) and transients.npz (where photos
+show what comes and goes, if that is named); prints the verdict.
 """
 
 import json
@@ -10,6 +11,7 @@ from pathlib import Path
 
 import pandas as pd
 
+from alignerf.cameras import transients
 from alignerf.causes.shared import remedies
 from alignerf.io import atomic, faults
 from alignerf.verdict import evidence, gains, report, views
@@ -19,6 +21,7 @@ OPTIONS = {
     "base": ("the reference's round 0", Path),
     "out": "verdict.json, written",
     "views": "views.csv, written",
+    "transients": "transients.npz, written",
     "[overfit]": "the test set's overfit.csv",
     "[misalignment]": "the scene's misalignment.csv",
     "[aligned]": ("JSON: {method: timing.json} of what has aligned itself", "{}"),
@@ -31,7 +34,7 @@ OPTIONS = {
 
 def main(argv=None):
     args = faults.arguments(argv, __doc__, OPTIONS)
-    known, rows = evidence.read(
+    known, rows, shown = evidence.read_all(
         args.scene,
         args.base,
         overfit=args.overfit,
@@ -44,13 +47,16 @@ def main(argv=None):
         brought = gains.of_table(args.misalignment, timings, judged)
         known = known._replace(tried=tuple(brought))
     content = content_of(known, rows)
+    named = {one["cause"] for one in content["findings"]}
     table = pd.DataFrame(rows, columns=views.COLUMNS)
     with (
         atomic.replace_file(args.out) as path,
         atomic.replace_file(args.views) as views_path,
+        atomic.replace_file(args.transients) as masks_path,
     ):
         path.write_text(json.dumps(plain(content), indent=1) + "\n")
         table.to_csv(views_path, index=False, float_format="%.6g")
+        transients.write(masks_path, shown if "transients" in named else {})
     print("\n".join(map(faults.one_line, content["verdict"])))
 
 

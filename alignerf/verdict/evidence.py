@@ -163,9 +163,15 @@ def sums_of(found):
     }
 
 
-def read(scene, base, *, overfit=None, crops=(None, None), before=None):
-    """(`base.Evidence`, a `views.View` of each view) of a scene.
+def read(*scene, **more):
+    """(`base.Evidence`, a `views.View` of each view), as of `read_all`."""
+    return read_all(*scene, **more)[:2]
 
+
+def read_all(scene, base, *, overfit=None, crops=(None, None), before=None):
+    """(`base.Evidence`, a `views.View` of each view, {view: mask}) of a scene.
+
+    The masks [h, w] say where a photo shows what others do not, at a smaller size.
     base: the reference's round 0. overfit: CSV of the flow invented between images that
     belong to one another, or None. crops: the two folders of `read_crops`. before:
     verdict.json of a judgement before this one, or None.
@@ -245,7 +251,12 @@ def read(scene, base, *, overfit=None, crops=(None, None), before=None):
         **numbers,
         **lens_of(loaded, base),
     )
-    return known, rows
+    shown = {
+        row.view: mask.shown
+        for row, mask in zip(rows, masks, strict=True)
+        if mask.shown.any()
+    }
+    return known, rows, shown
 
 
 def hidden_views(hidden):

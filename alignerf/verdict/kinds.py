@@ -26,5 +26,6 @@ VERDICT = {key: [str] for key in ("verdict", "because", "measured")} | {
     "do_first": {"text": str, "command": (str, type(None))},
     "causes": [CAUSE],
     "tried": [FIX],
+    "findings": OrNone([{"cause": str, "photos": OrNone([str])}]),
     "evidence": EVIDENCE,
 }

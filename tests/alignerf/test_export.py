@@ -8,6 +8,7 @@ import pytest
 from PIL import Image
 
 from alignerf import export, poses
+from alignerf.cameras import transients
 from alignerf.colmap import structure
 from alignerf.io import faults
 from alignerf.readers import transforms
@@ -138,6 +139,29 @@ def test_warped_photos_bring_their_masks(scene, rng):
         wanted = masks.get(name, np.ones_like(mask, bool))
         np.testing.assert_array_equal(mask == 255, wanted)
         assert set(np.unique(mask)) <= {0, 255}
+
+
+def test_what_comes_and_goes_is_black_in_masks(scene):
+    name = prepared.load(scene).names[1]
+    shown = np.zeros((8, 12), bool)
+    shown[2:4, 6:9] = True
+    transients.write(scene / "transients.npz", {name: shown})
+    code, out = run(scene, "--transients", scene / "transients.npz")
+    assert code == 0
+    found = json.loads((out / "transforms.json").read_text())
+    for frame in found["frames"]:
+        counts = np.asarray(Image.open(out / frame["mask_path"])) == 255
+        assert counts.shape == (32, 48)
+        if name not in frame["file_path"]:
+            assert counts.all()
+            continue
+        # A photo is four times as large, and a border around the mask is black, too.
+        assert not counts[8:16, 24:36].any()
+        assert counts.sum() == counts.size - 4 * 5 * 16
+    transients.write(scene / "transients.npz", {})
+    code, out = run(scene, "--transients", scene / "transients.npz")
+    assert code == 0
+    assert not (out / "masks").exists()
 
 
 def test_masks_of_warped_photos_come_back_with_a_training(scene, rng, tmp_path):

@@ -11,6 +11,7 @@ rule verdict:
             category="{scene}",
             labels={"what": "every photo", "kind": "table"},
         ),
+        transients=scene.transients,
     log:
         scene.log("verdict"),
     benchmark:

@@ -23,6 +23,7 @@ FOLDERS = {
     *("images", "truth", "pretrain", "testset", "tables", "figures", "logs"),
     *("facts", "decisions", "poses", "cameras", "config", "preflight"),
     *("masks", "colmap", "points", "bounds", "verdict", "index", "adjusted"),
+    "transients",
     *("comparison", "arm", "scores", "trainings"),
 }
 

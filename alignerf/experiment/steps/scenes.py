@@ -200,6 +200,7 @@ def verdict(experiment, w):
         **crops(experiment, w.scene),
         out=scene.verdict,
         views=scene.views,
+        transients=scene.transients,
     )
     inputs = prepared(scene) | seen(experiment, w.scene) | tells
     inputs |= {"corrected": [*corrected.values()]}
@@ -358,6 +359,8 @@ def export_folder(experiment, w):
         options["fit_held_out"] = inputs["held_out"] = held_out
         if as_given:
             options["corrected_by"] = inputs["corrected_by"] = at.corrections
+    if not capture.trains:
+        options["transients"] = inputs["transients"] = scene.transients
     if adjusted or as_given:
         options["adjusted"] = scene.adjusted
     if w.method in experiment.names("in_loop"):

@@ -10,6 +10,7 @@ import pandas as pd
 import pytest
 
 import alignerf
+from alignerf.cameras import transients
 from alignerf.io import images, provenance
 from alignerf.page import __main__ as page
 from alignerf.page import gallery, pictures
@@ -141,6 +142,34 @@ def test_every_photo_is_there_the_worst_first(render):
     }
     assert set(train) == {"photo", "render", "flow", "warped photo"}
     assert len(set(test.values())) == len(test)
+
+
+def test_what_comes_and_goes_is_outlined_and_its_photos_are_named(render, results):
+    shown = np.zeros((12, 18), bool)
+    shown[4:8, 6:12] = True
+    transients.write(results / "transients.npz", {"05": shown})
+    path = results / "verdict.json"
+    told = json.loads(path.read_text())
+    told["findings"] = [{"cause": "transients", "photos": ["05", "<b>&'02"]}]
+    told["findings"] += [{"cause": "exposure", "photos": []}]
+    path.write_text(json.dumps(told))
+    text = render()
+    data = data_of(text)
+    own = [key for key in data["images"] if gallery.TRANSIENT in data["images"][key]]
+    assert own == ["train/05"]
+    assert data["images"]["train/05"][gallery.TRANSIENT].startswith("data:image")
+    assert "05, &lt;b&gt;&amp;&#39;02" in text
+    assert "exposure" not in text.partition('id="photos"')[0].partition("Why")[2]
+
+
+def test_a_line_is_around_what_comes_and_goes_whichever_way_up():
+    photo, shown = np.zeros((30, 40, 3), np.uint8), np.zeros((15, 20), bool)
+    shown[5:9, 5:12] = True
+    for turns in range(4):
+        lined = gallery.outlined(np.rot90(photo, -turns), np.rot90(shown, -turns))
+        lined = np.rot90(lined, turns).any(axis=-1)
+        assert lined[8:20, 8:26].sum() == lined.sum() > 0
+        assert not lined[10:17, 10:23].any()
 
 
 def test_it_opens_with_the_photo_that_a_fix_sharpens_most(render):

@@ -33,7 +33,8 @@ def scene(tmp_path, monkeypatch):
 
 def verdicts():
     """One of ours that has tried something, and one of another program's renders."""
-    tried = cases.with_faults("camera", tried=(cases.GAIN,))
+    photos = {"camera": ("a", "b")}
+    tried = cases.with_faults("camera", tried=(cases.GAIN,), photos=photos)
     ours = verdict.content_of(tried, [])
     theirs = verdict.content_of(cases.THEIRS._replace(matches=cases.MATCHES), [])
     return [json.loads(json.dumps(verdict.plain(one))) for one in (ours, theirs)]

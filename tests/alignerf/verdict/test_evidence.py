@@ -2,11 +2,17 @@
 
 import json
 import math
+from types import SimpleNamespace
 
 import numpy as np
 import pandas as pd
+import pytest
 
+from alignerf.cameras import transients
+from alignerf.metrics import pairs
 from alignerf.verdict import evidence
+from tests.alignerf.cameras import test_transients as planes
+from tests.alignerf.causes import cases
 
 
 def table(folder, **flows):
@@ -53,3 +59,49 @@ def test_how_another_program_s_renders_were_put_together(tmp_path):
     told = {"depth": "far", "cameras": "x", "layout": "x", "way": "taken"}
     found = evidence.read_judged({"external_renders": told}, path)
     assert (found.depth, found.before) == ("far", ("first", 2.4, None))
+
+
+def seen(name, **changes):
+    """What is known of a view, as far as photos are named by it."""
+    usual = {"transient_fraction": 0.0, "sharpness_ratio": 1.0, "moved_fraction": 0.0}
+    hidden = changes.pop("hidden", 0.0)
+    return SimpleNamespace(
+        row=SimpleNamespace(view=name, **usual | changes), hidden=hidden
+    )
+
+
+def test_what_is_said_of_some_photos_names_them():
+    found = [seen(f"v{i}") for i in range(6)] + [
+        seen("left out", transient_fraction=0.5),
+        seen("passer-by", transient_fraction=0.03, moved_fraction=0.2),
+        seen("soft", sharpness_ratio=0.3, hidden=0.2),
+        seen("unknown", transient_fraction=math.nan, hidden=math.nan),
+    ]
+    assert evidence.photos_of(found, 1.0, {"left out": ("swapped", "")}) == {
+        "transients": ("passer-by",),
+        "motion": ("passer-by",),
+        "blurred": ("soft",),
+        "floaters": ("soft",),
+    }
+
+
+@pytest.mark.parametrize(
+    ("depth", "bad", "known"),
+    [
+        *(("given", bad, known) for bad, known in (((), 9), ((1,), 8), (range(5), 0))),
+        *((depth, (), 0) for depth in ("points", "far")),
+    ],
+)
+def test_things_are_looked_for_where_depth_moves_photos_and_pairs_are_right(
+    depth, bad, known
+):
+    views = [transients.small(planes.view(0.15 * i)) for i in range(9)]
+    found = [
+        SimpleNamespace(row=SimpleNamespace(view=str(i)), place=view)
+        for i, view in enumerate(views)
+    ]
+    checked = pairs.Checked(20, {str(i): ("swapped", "") for i in bad})
+    judged = cases.JUDGED._replace(depth=depth)
+    masks = evidence.transients_of(found, checked, judged)
+    assert sum(one.known.any() for one in masks) == known
+    assert not any(masks[i].known.any() for i in bad)

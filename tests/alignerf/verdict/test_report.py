@@ -496,3 +496,39 @@ def planted():
     table = pd.read_csv("tests/alignerf/causes/planted.csv", comment="#")
     rows = table[table["refused"].isna()].to_dict("records")
     return map(limits.evidence_of, rows)
+
+
+@pytest.mark.parametrize(
+    ("cause", "e"),
+    [
+        *((cause, WELL) for cause in ("transients", "motion", "blurred", "copies")),
+        ("floaters", THEIRS._replace(**cases.OF_RENDERS["floaters"])),
+    ],
+)
+def test_the_first_few_photos_are_named_in_texts_and_all_in_the_file(cause, e):
+    names = tuple(f"IMG_{i}" for i in range(9))
+    e = e._replace(**FAULTS.get(cause, {}))
+    for count in (0, 1, 5, 9):
+        told = of(e._replace(photos={cause: names[:count]}))
+        (one,) = told["findings"]
+        assert (one["cause"], one["photos"]) == (cause, names[:count])
+        (said,) = told["because"]
+        assert sum(name in said for name in names) == min(count, base.MAX_NAMED)
+        assert ("and 4 more" in said) == (count == 9)
+        assert said.count("(") == (count > 0)
+
+
+def test_what_comes_and_goes_is_no_lens_and_no_floater():
+    """Something on a tenth of every second photo of fern, which has its own lens."""
+    flows = {"distortion_px": 0.8, "distortion_errors": 9.0, "moved_fraction": 0.2}
+    flows |= {"hidden_views": 9, "exposure_ev": 0.1}
+    e = THEIRS._replace(**flows, transient_fraction=0.04)
+    assert [one.cause.name for one in causes.find(e)] == ["transients"]
+    assert [one.sure for one in causes.find(e)] == [True]
+    # What is only probable spoils nothing, nor does what wrong poses make.
+    e = e._replace(transient_fraction=0.008)
+    assert {"transients", "floaters"} < {one.cause.name for one in causes.find(e)}
+    wrong = cases.with_lens("focal", focal_ratio=1.02)._replace(lens=None)
+    e = WELL._replace(matches=wrong, transient_fraction=0.014)
+    assert "transients" not in {one.cause.name for one in causes.find(e)}
+    assert not [one for one in causes.find(WELL._replace(transient_fraction=math.nan))]
