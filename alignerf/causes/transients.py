@@ -4,16 +4,18 @@ from alignerf.causes import base
 from alignerf.causes.shared import misalignment
 
 # Of what photos show: 0.001 where nothing is there, 0.006 where one photo of 25 has a
-# car, 0.025 where every second one has something on a twentieth of it. Poses that are
-# off by 6 px double it.
-FRACTION, ANYWAY = 0.005, 3
+# car, 0.011 where every fifth has something on a twentieth of it. From where it is
+# sure. Poses that are off by 6 px double it.
+FRACTION, SURE_FRACTION, ANYWAY = 0.0065, 0.01, 3
 
 
 def find(e):
     """The share in percent; poses that are off make some of it."""
-    percent, limit = 100 * e.transient_fraction, 100 * FRACTION
-    limit *= ANYWAY if misalignment.poses_off(e) else 1
-    return base.beyond(percent, limit, stands=True, explains=percent > 2 * limit)
+    times = ANYWAY if misalignment.poses_off(e) else 1
+    sure = e.transient_fraction > times * SURE_FRACTION
+    found = base.beyond(100 * e.transient_fraction, 100 * times * FRACTION, stands=True)
+    found = found._replace(explains=sure)
+    return found if found.sure is None else found._replace(sure=sure)
 
 
 CAUSE = base.Cause(
