@@ -66,9 +66,10 @@ class ExternalRenders(NamedTuple):
     """How a scene of another program's renders was put together.
 
     depth: `given`, of `points`, or `far`; cameras: what told them, `none` where nothing
-    did; layout: how the renders lay; before: of a judgement before this one, its name
-    and shifts of training and held-out views in px of the photo; None without one.
-    trained_px: the longest side of the photos trained on, where the trainer says it.
+    did; layout: how the renders lay; before: of a judgement before this one, its name,
+    shifts of training and held-out views in px of the photo, and scores; None without
+    one. trained_px: the longest side of the photos trained on, where the trainer says
+    it. scores: of held-out views, see `verdict.evidence`; None without any.
     """
 
     depth: str
@@ -76,6 +77,7 @@ class ExternalRenders(NamedTuple):
     layout: str
     before: tuple | None = None
     trained_px: float | None = None
+    scores: dict | None = None
 
 
 class Evidence(NamedTuple):

@@ -36,6 +36,10 @@ POSES = prepared.POSES | {
 LENGTHS = ("flow_train_px", "flow_test_px")
 BEFORE = dict.fromkeys(LENGTHS, OrNone(NUMBER)) | {"photo_px": NUMBER}
 BEFORE |= {"photo_width_px": OrNone(json_files.positive)}
+# Of held-out views: how many of which width, and means over them.
+SCORED = ("views", "width_px", "psnr_db", "ssim", "sharpness")
+SCORES = dict.fromkeys(SCORED, json_files.NUMBER_OR_NONE)
+BEFORE |= {"judged": OrNone({"scores": OrNone(SCORES)})}
 TIMING = {"rays_seen": json_files.NUMBER_OR_NONE}
 # Poses that came with the photos, as poses.json has them.
 INPUT = ("input", "adjusted")
@@ -185,8 +189,9 @@ def read_all(scene, base, *, overfit=None, crops=(None, None), before=None):
     # Another program's black borders may be all of what a photo shows.
     whole = bool(told and not told.get("transparent"))
     look = partial(pairs.look, whole=whole, own=bool(told and told.get("of_splat")))
-    judged = read_judged(poses, before, width_px)
     found = read_views(loaded, base, look)
+    scores = scores_of(found, loaded.width)
+    judged = read_judged(poses, before, width_px, scores)
     looked = {one.row.view: one.pair for one in found}
     shared = spread(exposure.stops([one.sampled for one in found]))
     apart = [
@@ -308,29 +313,45 @@ def lens_told(found):
     return Lens(found["changed"] if is_known else [], **numbers)
 
 
-def read_judged(poses, before=None, width_px=None):
+def scores_of(found, width_px):
+    """SCORES of the held-out among `seen.Seen`s, so wide; None where there are none.
+
+    Sharpness is the amplitude of fine detail of renders over that of their photos.
+    """
+    own = [one for one in found if one.row.split == "test"]
+    each = {
+        "psnr_db": [one.row.psnr_db for one in own],
+        "ssim": [one.ssim for one in own],
+        "sharpness": [1 / max(one.row.sharpness_ratio, 1e-6) for one in own],
+    }
+    means = {name: float(np.mean(values)) for name, values in each.items() if own}
+    return {"views": len(own), "width_px": width_px} | means if own else None
+
+
+def read_judged(poses, before=None, width_px=None, scores=None):
     """`ExternalRenders` by the contents of poses.json, or None of another scene.
 
     before: path of the verdict.json of a judgement before this one, or None. width_px:
-    of the photos.
+    of the photos. scores: SCORES, or None.
     """
     if not isinstance(told := poses.get("external_renders"), dict):
         return None
     known = {key: told.get(key) for key in causes.ExternalRenders._fields}
-    return causes.ExternalRenders(
-        **known | {"before": before and read_before(Path(before), width_px)}
-    )
+    known["before"] = before and read_before(Path(before), width_px)
+    return causes.ExternalRenders(**known | {"scores": scores})
 
 
 def read_before(path, width_px):
-    """(name, px on photos that were trained on, px on held-out ones; None unknown).
+    """(name, px on photos that were trained on, px on held-out ones, SCORES).
 
-    The px are of photos `width_px` wide: those of an export may be smaller.
+    What is unknown is None. The px are of photos `width_px` wide: those of an export
+    may be smaller.
     """
     found = json_files.read(path, {"evidence": BEFORE})["evidence"]
     wide = found.get("photo_width_px")
     scale = found["photo_px"] * (width_px / wide if wide and width_px else 1)
-    return path.parent.name, *(px and px * scale for px in map(found.get, LENGTHS))
+    shifts = (px and px * scale for px in map(found.get, LENGTHS))
+    return path.parent.name, *shifts, (found.get("judged") or {}).get("scores")
 
 
 def read_crops(given, corrected=None):

@@ -18,6 +18,9 @@ NOTHING_TOLD = {
     "sparse": "photos that were trained on are {apart} apart, held-out ones "
     "{held_out}. What they show is seen from too few sides to fix its shape.",
 }
+# Of held-out renders, in `evidence.SCORES`: their names and forms.
+SCORES = (("psnr_db", "PSNR (dB)", ".2f"), ("ssim", "SSIM", ".3f"))
+SCORES += (("sharpness", "sharpness (photo: 1)", ".2f"),)
 # Of renders of another program: by the depth that was used.
 DEPTHS = {
     "given": "The renders' own depth was used.",
@@ -117,18 +120,36 @@ def crops(e):
     return lines
 
 
+def compared(before, now):
+    """What `evidence.SCORES` of the same held-out views were and are; else nothing.
+
+    By wrong cameras PSNR falls with every pixel that a sharp render is off by, so that
+    it does not stand alone.
+    """
+    same = ("views", "width_px")
+    if not (before and now) or any(before[key] != now[key] for key in same):
+        return ""
+    parts = [
+        f"{name} {before[key]:{form}} -> {now[key]:{form}}"
+        for key, name, form in SCORES
+        if before[key] is not None and math.isfinite(now[key])
+    ]
+    return f" Held-out photos: {', '.join(parts)}." if parts else ""
+
+
 def judged(e):
     """Of renders of another program: what could not be told, and why."""
     found = [DEPTHS[e.judged.depth]]
     if e.judged.before:
-        name, *shifts = e.judged.before
+        name, *shifts, scores = e.judged.before
         kinds = ("training photos", "held-out ones")
         parts = [
             f"{px:.2g} px on {kind}"
             for px, kind in zip(shifts, kinds, strict=True)
             if px is not None
         ]
-        found.insert(0, f"Before, in {name}, it was {', '.join(parts) or 'unknown'}.")
+        told = f"Before, in {name}, it was {', '.join(parts) or 'unknown'}."
+        found.insert(0, told + compared(scores, e.judged.scores))
     if e.judged.cameras == "none":
         found.append(
             "No cameras were given: a field of view was assumed, so that the camera's "

@@ -8,6 +8,7 @@ from alignerf.cameras import exposure, transients
 from alignerf.causes import motion
 from alignerf.io import archives, csv_files
 from alignerf.metrics import copies, floaters, pairs, spectrum, tone
+from alignerf.metrics import image as image_metrics
 from alignerf.scenes import prepared
 from alignerf.verdict import views
 
@@ -15,8 +16,13 @@ from alignerf.verdict import views
 class Seen(NamedTuple):
     """A view's row, and what is compared with other views'.
 
+<<<<<<< HEAD
     place: as `transients` compares it. octaves: of `spectrum`. hidden: the fraction of
     the view that something close to the camera hides.
+=======
+    octaves: of `spectrum`. hidden: the fraction of the view that something close to the
+    camera hides. ssim: of a held-out view; NaN of others, and where there is none.
+>>>>>>> b8ed172a (A comparison with renders judged before has PSNR, SSIM and sharpness of held-out photos)
     """
 
     row: views.View
@@ -27,6 +33,7 @@ class Seen(NamedTuple):
     octaves: np.ndarray
     hidden: float
     small: np.ndarray
+    ssim: float
 
 
 def of_view(loaded: prepared.Scene, base, split, tables, look, view):
@@ -65,7 +72,16 @@ def of_view(loaded: prepared.Scene, base, split, tables, look, view):
         spectrum.octaves(shown, render) * (1.0 if counts.mean() > 0.5 else np.nan),
         floaters.hidden(photo, render, depth, counts),
         copies.small(photo),
+        ssim(photo, render, counts) if split == "test" else np.nan,
     )
+
+
+def ssim(photo, render, counts):
+    """SSIM of a pair; NaN where it is too small, or too little of it counts."""
+    try:
+        return image_metrics.ssim(photo, render, counts)
+    except ValueError:
+        return np.nan
 
 
 def table(base, split):

@@ -79,12 +79,12 @@ def check_table(scene):
     found = [(row["method"], row["warping"], row["test_set"]) for row in table]
     assert found == [(*line, test_set) for line in lines for test_set in sets]
     for row in table:
-        assert 10 < float(row["psnr_db"]) < 40
         if row["test_set"] == "aligned_pose":
-            # Its renders have seams.
-            assert row["ssim"] == ""
-        else:
-            assert 0 < float(row["ssim"]) < 1
+            # After so few steps no camera can be fitted to half a pixel.
+            assert (row["psnr_db"], row["difference_db"], row["ssim"]) == ("",) * 3
+            continue
+        assert 10 < float(row["psnr_db"]) < 40
+        assert 0 < float(row["ssim"]) < 1
         assert float(row["train_time_s"]) > 0
         assert (float(row["data_time_s"]) > 0) == (row["warping"] == "once")
         bases = dict.fromkeys(("aligned", "alignerf"), "mipnerf360")
@@ -209,7 +209,7 @@ def check_controls(scene):
     assert len(lines) == 6
     for line in lines:
         rows = [row for row in table if (row["method"], row["warping"]) == line]
-        db = {row["quantity"]: float(row["db"]) for row in rows}
+        db = {row["quantity"]: float(row["db"] or "nan") for row in rows}
         parts = sum(
             db[key] for key in ("pixel_choice", "resampling", "overfit", "remains")
         )
@@ -219,7 +219,7 @@ def check_controls(scene):
         )
         assert {"pose_gain", "pose_overfit"} <= db.keys()
     ranking = read_csv(scene / "tables" / "ranking.csv")
-    sets = ["standard", "warped", "control", "crossfit", "aligned_pose"]
+    sets = ["standard", "warped", "control", "crossfit"]
     assert [row["test_set"] for row in ranking] == sets
     for row in ranking:
         low, tau, high = (float(row[key]) for key in ("tau_low", "tau", "tau_high"))

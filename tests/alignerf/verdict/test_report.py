@@ -188,7 +188,7 @@ def test_what_was_measured_has_its_numbers():
     assert "under 0.90 px" in said(overfit_px=0.45)
     for depth, words in measured.DEPTHS.items():
         assert words in said(judged=JUDGED._replace(depth=depth))
-    before = JUDGED._replace(before=("first", 2.4, None))
+    before = JUDGED._replace(before=("first", 2.4, None, None))
     assert "in first, it was 2.4 px on" in said(judged=before)
     none = {"test_views": 0, "flow_test_px": math.nan, "psnr_test_db": math.nan}
     assert "No renders of held-out" in said(judged=JUDGED, **none)
@@ -196,6 +196,26 @@ def test_what_was_measured_has_its_numbers():
     assert "perturbs the poses by 3.0 px (perturb_px)." in said(**off)
     both = said(**off, perturb_by="both")
     assert "perturbs the poses by 3.0 px (perturb_px, perturb_by: both)." in both
+
+
+def test_a_comparison_has_more_than_one_score():
+    """Of the same held-out views alone; a score that one of both lacks is left out."""
+    before = {"views": 6, "width_px": 400, "psnr_db": 20.1, "ssim": 0.64}
+    before |= {"sharpness": 0.41}
+    now = before | {"psnr_db": 19.0, "ssim": 0.81, "sharpness": 0.78}
+
+    def said(before, now):
+        shifts = "first", 2.4, None, before
+        judged = JUDGED._replace(before=shifts, scores=now)
+        return " ".join(of(WELL._replace(judged=judged))["measured"])
+
+    wanted = "Held-out photos: PSNR (dB) 20.10 -> 19.00, SSIM 0.640 -> 0.810, "
+    assert wanted + "sharpness (photo: 1) 0.41 -> 0.78." in said(before, now)
+    assert "SSIM" not in said(before, now | {"ssim": math.nan})
+    assert "PSNR" in said(before | {"ssim": None}, now)
+    for other in (None, now | {"views": 5}, now | {"width_px": 200}):
+        assert "Held-out photos: PSNR" not in said(before, other)
+        assert "Held-out photos: PSNR" not in said(other, now)
 
 
 @pytest.mark.parametrize(
