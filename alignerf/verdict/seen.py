@@ -16,13 +16,9 @@ from alignerf.verdict import views
 class Seen(NamedTuple):
     """A view's row, and what is compared with other views'.
 
-<<<<<<< HEAD
     place: as `transients` compares it. octaves: of `spectrum`. hidden: the fraction of
-    the view that something close to the camera hides.
-=======
-    octaves: of `spectrum`. hidden: the fraction of the view that something close to the
-    camera hides. ssim: of a held-out view; NaN of others, and where there is none.
->>>>>>> b8ed172a (A comparison with renders judged before has PSNR, SSIM and sharpness of held-out photos)
+    the view that something close to the camera hides. ssim: of a held-out view; NaN of
+    others, and where there is none.
     """
 
     row: views.View

@@ -58,8 +58,34 @@ def test_how_another_program_s_renders_were_put_together(tmp_path):
     path.write_text(json.dumps({"evidence": SHIFTS}))
     told = {"depth": "far", "cameras": "x", "layout": "x", "way": "taken"}
     found = evidence.read_judged({"external_renders": told}, path)
-<<<<<<< HEAD
-    assert (found.depth, found.before) == ("far", ("first", 2.4, None))
+    assert (found.depth, found.before) == ("far", ("first", 2.4, None, None))
+    scores = dict.fromkeys(evidence.SCORED, 2.5) | {"ssim": None}
+    text = json.dumps({"evidence": SHIFTS | {"judged": {"scores": scores}}})
+    path.write_text(text)
+    assert evidence.read_before(path, None)[-1] == scores
+    path.write_text(text.replace("2.5", '"x"'))
+    with pytest.raises(ValueError, match=r"judged\.scores\.\w+ is 'x'"):
+        evidence.read_before(path, None)
+
+
+def test_scores_are_of_held_out_views(rng):
+    """Sharpness is the renders' detail over the photos'."""
+    seen = [
+        SimpleNamespace(
+            row=SimpleNamespace(split=split, psnr_db=psnr_db, sharpness_ratio=ratio),
+            ssim=ssim,
+        )
+        for split, psnr_db, ratio, ssim in (
+            ("train", 40.0, 1.0, np.nan),
+            ("test", 20.0, 2.0, 0.5),
+            ("test", 22.0, 1.0, 0.7),
+        )
+    ]
+    found = evidence.scores_of(seen, 64)
+    wanted = {"views": 2, "width_px": 64, "psnr_db": 21.0, "ssim": 0.6}
+    assert found == pytest.approx(wanted | {"sharpness": 0.75})
+    assert tuple(found) == evidence.SCORED
+    assert evidence.scores_of(seen[:1], 64) is None
 
 
 def seen(name, **changes):
@@ -106,33 +132,3 @@ def test_things_are_looked_for_where_depth_moves_photos_and_pairs_are_right(
     masks = evidence.transients_of(found, checked, judged)
     assert sum(one.known.any() for one in masks) == known
     assert not any(masks[i].known.any() for i in bad)
-=======
-    assert (found.depth, found.before) == ("far", ("first", 2.4, None, None))
-    scores = dict.fromkeys(evidence.SCORED, 2.5) | {"ssim": None}
-    text = json.dumps({"evidence": SHIFTS | {"judged": {"scores": scores}}})
-    path.write_text(text)
-    assert evidence.read_before(path, None)[-1] == scores
-    path.write_text(text.replace("2.5", '"x"'))
-    with pytest.raises(ValueError, match=r"judged\.scores\.\w+ is 'x'"):
-        evidence.read_before(path, None)
-
-
-def test_scores_are_of_held_out_views(rng):
-    """Sharpness is the renders' detail over the photos'."""
-    seen = [
-        SimpleNamespace(
-            row=SimpleNamespace(split=split, psnr_db=psnr_db, sharpness_ratio=ratio),
-            ssim=ssim,
-        )
-        for split, psnr_db, ratio, ssim in (
-            ("train", 40.0, 1.0, np.nan),
-            ("test", 20.0, 2.0, 0.5),
-            ("test", 22.0, 1.0, 0.7),
-        )
-    ]
-    found = evidence.scores_of(seen, 64)
-    wanted = {"views": 2, "width_px": 64, "psnr_db": 21.0, "ssim": 0.6}
-    assert found == pytest.approx(wanted | {"sharpness": 0.75})
-    assert tuple(found) == evidence.SCORED
-    assert evidence.scores_of(seen[:1], 64) is None
->>>>>>> b8ed172a (A comparison with renders judged before has PSNR, SSIM and sharpness of held-out photos)
