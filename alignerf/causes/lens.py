@@ -4,6 +4,8 @@ Matches tell it where the poses, held as they are, fit with another lens. Withou
 the shift or the bend that all flows share tells it, of which a model absorbs most.
 """
 
+import math
+
 from alignerf.causes import base, exposure
 from alignerf.causes.shared import misalignment
 
@@ -121,10 +123,12 @@ def find_shift(e):
     px = e.photo_px * e.shift_px
     # Our trainings see the photos by the cameras that matches have tested; renders of
     # another program may still be drawn by others.
-    denied = is_asked(e) and not e.judged
-    least = SHIFT_ALONE if is_asked(e) else SHIFT_FRACTION
-    is_rest = e.shift_px < least * misalignment.flow_px(e)
-    where = e.shift_errors > LENS_ERRORS and not (is_rest or denied)
+    least_px, fraction_of = SHIFT_PX, SHIFT_FRACTION
+    if is_asked(e):
+        least_px = misalignment.ALIGNED_PX if e.judged else math.inf
+        fraction_of = SHIFT_ALONE
+    is_all = e.shift_px >= max(fraction_of * misalignment.flow_px(e), least_px)
+    where = is_all and e.shift_errors > LENS_ERRORS
     by_flows = base.beyond(px, e.photo_px * SHIFT_PX, where=where)
     found = of_part(e, "centre", by_flows)
     probably = base.probably(found.sure)

@@ -41,10 +41,9 @@ def find_others(e):
 
 def is_unexplained(e):
     """Whether nothing else is known that makes renders soft."""
-    others = (lens.find_focal, lens.find_shutter, exposure.find_changes)
-    found = [find(e) for find in (*others, blur.CAUSE.find)]
-    known = any(one and one.sure is not None for one in found)
-    return not (known or lens.by_matches(e)) and camera.denied(e) is not False
+    known = blur.CAUSE.find(e).sure is not None or lens.by_matches(e)
+    known = known or e.exposure_ev > exposure.EXPOSURE_EV
+    return not known and camera.denied(e) is not False
 
 
 def find_smaller(e):

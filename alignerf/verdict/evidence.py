@@ -162,7 +162,7 @@ def sums_of(found):
         "psnr_test_db": mean(test["cc_psnr_db"]),
         "detail_median": float(detail),
         "blurred_fraction": mean(
-            main["sharpness_ratio"] < blur.BLURRED_DETAIL * detail
+            frame["sharpness_ratio"] < blur.BLURRED_DETAIL * detail
         ),
     }
 

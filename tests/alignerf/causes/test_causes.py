@@ -206,7 +206,7 @@ def test_what_is_named(changes, named):
         (SHIFTED | {"exposure_ev": 0.15, "moved_fraction": 0.11}, ["exposure"]),
         (SHIFTED, []),
         # Renders that another program draws half a pixel off: nothing else moves.
-        (SHIFTED | {"shift_px": 0.19}, ["lens_shift"]),
+        (SHIFTED | {"shift_px": 0.34, "flow_train_px": 0.36}, ["lens_shift"]),
         # By another tone things seem to move.
         ({"tone_gain_ev": 0.33, "moved_fraction": 0.11}, ["tone"]),
         ({"tone_gain_ev": 0.33, "moved_fraction": 0.15}, ["tone", "motion"]),
