@@ -16,10 +16,11 @@ from alignerf.scenes import cameras
 # Photos are compared with a longer side of so much.
 LONGEST_PX = 160
 # With so many neighbours each; fewer than so many agree on nothing.
-NEIGHBOURS, MIN_AGREE = 12, 3
-# Levels of 8 bits that a photo is apart by from what others agree on, at least, and in
-# times of what they are apart from one another: of what is told, and inside of it.
-WEAK, STRONG = (15.0, 2.0), (25.0, 3.0)
+NEIGHBOURS, MIN_AGREE = 20, 3
+# Levels of 8 bits that a photo is apart by from what others agree on: at least; in times
+# of what they are apart from one another there; and in times of what three quarters of
+# it stay below, which bad depth makes more. Of what is told, and inside of it.
+WEAK, STRONG = (15.0, 2.0, 1.5), (25.0, 3.0, 2.5)
 # Levels that no shadow leaves, which makes all channels darker alike.
 SHADE = 13.5
 # Of the longer side: what is finer than this is not looked for.
@@ -110,9 +111,10 @@ def of_view(view: View, others) -> Found:
     apart = middle(np.sort(np.abs(moved - agreed), axis=0), count).mean(axis=-1)
     off = np.abs(own - agreed).mean(axis=-1)
     known = (count >= MIN_AGREE) & view.counts
+    usual = np.percentile(off[known], 75) if known.any() else np.inf
     weak, strong = (
-        opened(known & (off > np.maximum(levels, times * apart)))
-        for levels, times in (WEAK, STRONG)
+        opened(known & (off > np.maximum(max(levels, spreads * usual), times * apart)))
+        for levels, times, spreads in (WEAK, STRONG)
     )
     agreed = np.where(known[..., None], agreed, 0)
     shown = things(weak, strong, own, agreed, max(MIN_PART * known.sum(), 1))

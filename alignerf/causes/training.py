@@ -8,7 +8,7 @@ LONGER_DB = 0.3
 
 # What renders of too short a training do not tell: they are blurred, which moves flows.
 EXPLAINS = ("camera", "motion", "sparse", "lens_shift", "lens_distortion", "floaters")
-EXPLAINS += ("blurred", "tone", "exposure")
+EXPLAINS += ("transients", "blurred", "tone", "exposure")
 SPOILS = "training was too short"
 
 

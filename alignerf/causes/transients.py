@@ -13,7 +13,7 @@ def find(e):
     """The share in percent; poses that are off make some of it."""
     times = ANYWAY if misalignment.poses_off(e) else 1
     sure = e.transient_fraction > times * SURE_FRACTION
-    found = base.beyond(100 * e.transient_fraction, 100 * times * FRACTION, stands=True)
+    found = base.beyond(100 * e.transient_fraction, 100 * times * FRACTION)
     found = found._replace(explains=sure)
     return found if found.sure is None else found._replace(sure=sure)
 
