@@ -17,9 +17,9 @@ from alignerf.scenes import cameras
 LONGEST_PX = 160
 # With so many neighbours each; fewer than so many agree on nothing.
 NEIGHBOURS, MIN_AGREE = 20, 3
-# Levels of 8 bits that a photo is apart by from what others agree on: at least; in times
-# of what they are apart from one another there; and in times of what three quarters of
-# it stay below, which bad depth makes more. Of what is told, and inside of it.
+# Levels of 8 bits that a photo is apart by from what others agree on: at least; in
+# times of what they are apart from one another there; and in times of what three
+# quarters of it stay below, which bad depth makes more. Of what is told, and inside.
 WEAK, STRONG = (15.0, 2.0, 1.5), (25.0, 3.0, 2.5)
 # Levels that no shadow leaves, which makes all channels darker alike.
 SHADE = 13.5

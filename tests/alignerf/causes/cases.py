@@ -87,7 +87,7 @@ OF_RENDERS = {
 }
 # What a training that is too short does not tell.
 BY_FLOW = {"camera", "motion", "sparse", "lens_shift", "lens_distortion"}
-BY_FLOW |= {"blurred", "exposure"}
+BY_FLOW |= {"blurred", "exposure", "transients"}
 # Crops of a capture whose poses are wrong, at the photos' own size; and are right.
 APART = base.Crops(
     places=2,
