@@ -21,7 +21,7 @@ from alignerf.scenes import prepared
 from alignerf.tables import columns
 
 METRICS = tuple(columns.METRICS)
-NETS = [name.removeprefix("lpips_") for name in METRICS if name.startswith("lpips_")]
+NETS = [name.removeprefix("lpips_") for name in columns.NETWORKS]
 COLUMNS = ("view", "test_set", *METRICS, "valid_fraction", "note")
 # A camera that was fitted to a photo is used up to this standard error: renders that
 # are off by more lose a dB and more where there is detail.
@@ -46,7 +46,7 @@ def main(argv=None):
     loaded = prepared.load(args.scene)
     views = loaded.views("test")
     paths = {net: getattr(args, f"lpips_{net}") for net in NETS}
-    learned = {f"lpips_{net}": load_lpips(net, p) for net, p in paths.items() if p}
+    learned = image_metrics.learned(paths)
     missing = ", ".join(f"lpips_{net}" for net, path in paths.items() if not path)
     missing = missing and f"{missing}: no weights given"
     errors_px = args.aligned_pose and errors_of(args.aligned_pose)
@@ -165,23 +165,6 @@ def errors_of(folder):
     path = pathlib.Path(folder) / "poses.csv"
     table = csv_files.read(path, columns=(*keys, "error_px")).fillna(np.inf)
     return table.groupby(keys)["error_px"].max().to_dict()
-
-
-def load_lpips(net, path):
-    """The metric of a network: (target, render, valid) to its LPIPS."""
-    # JAX takes longer to import than all other scores to calculate.
-    import jax.numpy as jnp
-
-    from alignerf.metrics import lpips
-
-    weights = lpips.read(net, path)
-
-    def metric(target, render, valid):
-        pair = (image_metrics.fill_invalid(target, render, valid), render)
-        pair = [jnp.asarray(image[None] / 255.0, jnp.float32) for image in pair]
-        return float(lpips.distance(net, weights, *pair)[0])
-
-    return metric
 
 
 def score(target, render, valid, learned, *, seams=False):

@@ -62,6 +62,30 @@ def ssim(target, render, valid):
     return float(per_pixel[inner][valid[inner]].mean())
 
 
+def learned(paths):
+    """{"lpips_<network>": (target, render, valid) to its LPIPS}, of {network: weights}.
+
+    Those without a file are left out. Raises ValueError naming the file.
+    """
+    return {f"lpips_{net}": _lpips(net, path) for net, path in paths.items() if path}
+
+
+def _lpips(net, path):
+    # JAX takes longer to import than all other scores to calculate.
+    import jax.numpy as jnp
+
+    from alignerf.metrics import lpips
+
+    weights = lpips.read(net, path)
+
+    def metric(target, render, valid):
+        pair = (fill_invalid(target, render, valid), render)
+        pair = [jnp.asarray(image[None] / 255.0, jnp.float32) for image in pair]
+        return float(lpips.distance(net, weights, *pair)[0])
+
+    return metric
+
+
 def detail(image):
     """Root mean square of the luminance's Laplacian, after a small blur."""
     return float(np.sqrt(np.mean(cv2.Laplacian(smooth(image), cv2.CV_32F) ** 2)))

@@ -14,8 +14,11 @@ import pandas as pd
 from alignerf.cameras import transients
 from alignerf.causes.shared import remedies
 from alignerf.io import atomic, faults
+from alignerf.metrics import image
+from alignerf.tables import columns
 from alignerf.verdict import evidence, gains, report, views
 
+NETS = [name.removeprefix("lpips_") for name in columns.NETWORKS]
 OPTIONS = {
     "scene": ("results/SCENE", Path),
     "base": ("the reference's round 0", Path),
@@ -29,6 +32,7 @@ OPTIONS = {
     "[crops]": "a training's folder, of crops at the photos' own size",
     "[crops-corrected]": "the same with cameras that a method has corrected",
     "[before]": "verdict.json of renders judged before",
+    **{f"[lpips-{net}]": "weights of this LPIPS, .npz" for net in NETS},
 }
 
 
@@ -40,6 +44,7 @@ def main(argv=None):
         overfit=args.overfit,
         crops=(args.crops, args.crops_corrected),
         before=args.before,
+        learned=image.learned({net: getattr(args, f"lpips_{net}") for net in NETS}),
     )
     if args.misalignment:
         judged = gains.judgements(args.scene, json.loads(args.corrected))

@@ -14,7 +14,7 @@ from alignerf.cameras import common_flow, exposure, spacing, transients
 from alignerf.causes import base as causes
 from alignerf.causes import blur, motion
 from alignerf.io import csv_files, json_files, machine, provenance
-from alignerf.metrics import copies, pairs, spectrum, tone
+from alignerf.metrics import copies, image, pairs, spectrum, tone
 from alignerf.scenes import prepared
 from alignerf.sfm.lens import Lens
 from alignerf.tables import intervals
@@ -36,9 +36,9 @@ POSES = prepared.POSES | {
 LENGTHS = ("flow_train_px", "flow_test_px")
 BEFORE = dict.fromkeys(LENGTHS, OrNone(NUMBER)) | {"photo_px": NUMBER}
 BEFORE |= {"photo_width_px": OrNone(json_files.positive)}
-# Of held-out views: how many of which width, and means over them.
-SCORED = ("views", "width_px", "psnr_db", "ssim", "sharpness")
-SCORES = dict.fromkeys(SCORED, json_files.NUMBER_OR_NONE)
+# Of held-out views: how many of which width, and means over them; LPIPS with weights.
+SCORED = ("views", "width_px", "psnr_db", "sharpness", "ssim")
+SCORES = dict.fromkeys((str, *SCORED), json_files.NUMBER_OR_NONE)
 BEFORE |= {"judged": OrNone({"scores": OrNone(SCORES)})}
 TIMING = {"rays_seen": json_files.NUMBER_OR_NONE}
 # Poses that came with the photos, as poses.json has them.
@@ -52,17 +52,18 @@ MIN_SPREAD_VIEWS = 4
 HIDDEN = 0.01
 
 
-def read_views(loaded: prepared.Scene, base, look):
+def read_views(loaded: prepared.Scene, base, look, metrics):
     """A `seen.Seen` of each view whose render and flow are there.
 
-    base: the reference's round 0. look: `pairs.look` with its options.
+    base: the reference's round 0. look: `pairs.look` with its options. metrics: of
+    held-out views, as of `seen.of_view`.
     """
     found = []
     for split in prepared.SPLITS:
         if (base / "renders" / split).is_dir():
-            read = partial(
-                seen.of_view, loaded, base, split, seen.table(base, split), look
-            )
+            asked = metrics if split == "test" else {}
+            options = base, split, seen.table(base, split), look, asked
+            read = partial(seen.of_view, loaded, *options)
             found += machine.map_in_threads(read, loaded.views(split))
     return found
 
@@ -172,13 +173,14 @@ def read(*scene, **more):
     return read_all(*scene, **more)[:2]
 
 
-def read_all(scene, base, *, overfit=None, crops=(None, None), before=None):
+def read_all(scene, base, *, overfit=None, crops=(None, None), before=None, learned=()):
     """(`base.Evidence`, a `views.View` of each view, {view: mask}) of a scene.
 
     The masks [h, w] say where a photo shows what others do not, at a smaller size.
     base: the reference's round 0. overfit: CSV of the flow invented between images that
     belong to one another, or None. crops: the two folders of `read_crops`. before:
-    verdict.json of a judgement before this one, or None.
+    verdict.json of a judgement before this one, or None. learned: {name: metric} of
+    those that need weights, of another program's held-out renders.
     """
     loaded = prepared.load(scene)
     poses = prepared.read_poses(scene, POSES)
@@ -189,7 +191,8 @@ def read_all(scene, base, *, overfit=None, crops=(None, None), before=None):
     # Another program's black borders may be all of what a photo shows.
     whole = bool(told and not told.get("transparent"))
     look = partial(pairs.look, whole=whole, own=bool(told and told.get("of_splat")))
-    found = read_views(loaded, base, look)
+    metrics = {"ssim": image.ssim, **dict(learned)} if told else {}
+    found = read_views(loaded, base, look, metrics)
     scores = scores_of(found, loaded.width)
     judged = read_judged(poses, before, width_px, scores)
     looked = {one.row.view: one.pair for one in found}
@@ -319,13 +322,15 @@ def scores_of(found, width_px):
     Sharpness is the amplitude of fine detail of renders over that of their photos.
     """
     own = [one for one in found if one.row.split == "test"]
+    if not own:
+        return None
     each = {
         "psnr_db": [one.row.psnr_db for one in own],
-        "ssim": [one.ssim for one in own],
         "sharpness": [1 / max(one.row.sharpness_ratio, 1e-6) for one in own],
     }
-    means = {name: float(np.mean(values)) for name, values in each.items() if own}
-    return {"views": len(own), "width_px": width_px} | means if own else None
+    each |= {name: [one.scores[name] for one in own] for name in own[0].scores}
+    means = {name: float(np.mean(values)) for name, values in each.items()}
+    return {"views": len(own), "width_px": width_px} | means
 
 
 def read_judged(poses, before=None, width_px=None, scores=None):

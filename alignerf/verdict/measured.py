@@ -7,6 +7,7 @@ import math
 
 from alignerf.causes.base import length
 from alignerf.causes.shared import misalignment
+from alignerf.tables import columns
 from alignerf.verdict import views as of_views
 
 # Why crops tell nothing.
@@ -19,8 +20,9 @@ NOTHING_TOLD = {
     "{held_out}. What they show is seen from too few sides to fix its shape.",
 }
 # Of held-out renders, in `evidence.SCORES`: their names and forms.
-SCORES = (("psnr_db", "PSNR (dB)", ".2f"), ("ssim", "SSIM", ".3f"))
-SCORES += (("sharpness", "sharpness (photo: 1)", ".2f"),)
+HEADINGS = columns.TABLES["misalignment"].columns
+SCORES = {key: (HEADINGS[key].heading, HEADINGS[key].form) for key in columns.METRICS}
+SCORES |= {"sharpness": ("sharpness (photo: 1)", ".2f")}
 # Of renders of another program: by the depth that was used.
 DEPTHS = {
     "given": "The renders' own depth was used.",
@@ -131,8 +133,8 @@ def compared(before, now):
         return ""
     parts = [
         f"{name} {before[key]:{form}} -> {now[key]:{form}}"
-        for key, name, form in SCORES
-        if before[key] is not None and math.isfinite(now[key])
+        for key, (name, form) in SCORES.items()
+        if before.get(key) is not None and math.isfinite(now.get(key, math.nan))
     ]
     return f" Held-out photos: {', '.join(parts)}." if parts else ""
 

@@ -8,7 +8,6 @@ from alignerf.cameras import exposure, transients
 from alignerf.causes import motion
 from alignerf.io import archives, csv_files
 from alignerf.metrics import copies, floaters, pairs, spectrum, tone
-from alignerf.metrics import image as image_metrics
 from alignerf.scenes import prepared
 from alignerf.verdict import views
 
@@ -17,8 +16,8 @@ class Seen(NamedTuple):
     """A view's row, and what is compared with other views'.
 
     place: as `transients` compares it. octaves: of `spectrum`. hidden: the fraction of
-    the view that something close to the camera hides. ssim: of a held-out view; NaN of
-    others, and where there is none.
+    the view that something close to the camera hides. scores: by name, {} of what is
+    asked for none.
     """
 
     row: views.View
@@ -29,13 +28,14 @@ class Seen(NamedTuple):
     octaves: np.ndarray
     hidden: float
     small: np.ndarray
-    ssim: float
+    scores: dict
 
 
-def of_view(loaded: prepared.Scene, base, split, tables, look, view):
+def of_view(loaded: prepared.Scene, base, split, tables, look, metrics, view):
     """The `Seen` of a view.
 
-    tables: of its split, by names; look: `pairs.look` with its options.
+    tables: of its split, by names; look: `pairs.look` with its options. metrics: {name:
+    function of photo, render and where that counts}.
     """
     name = loaded.names[view]
     (photo,) = prepared.read_images(loaded, [view], loaded.folder / "images")
@@ -68,14 +68,17 @@ def of_view(loaded: prepared.Scene, base, split, tables, look, view):
         spectrum.octaves(shown, render) * (1.0 if counts.mean() > 0.5 else np.nan),
         floaters.hidden(photo, render, depth, counts),
         copies.small(photo),
-        ssim(photo, render, counts) if split == "test" else np.nan,
+        {
+            name: known(metric, photo, render, counts)
+            for name, metric in metrics.items()
+        },
     )
 
 
-def ssim(photo, render, counts):
-    """SSIM of a pair; NaN where it is too small, or too little of it counts."""
+def known(metric, *pair):
+    """A metric of a pair; NaN where it is too small, or too little of it counts."""
     try:
-        return image_metrics.ssim(photo, render, counts)
+        return metric(*pair)
     except ValueError:
         return np.nan
 

@@ -55,7 +55,7 @@ def learned(monkeypatch):
 
     monkeypatch.setattr(lpips, "read", lambda net, path: f"{net} of {path}")
     monkeypatch.setattr(lpips, "distance", distance)
-    return {"lpips_vgg": evaluate.load_lpips("vgg", "a.npz")}, shown
+    return image_metrics.learned({"vgg": "a.npz", "alex": None}), shown
 
 
 def test_pixels_that_are_not_valid_change_nothing(pair, learned):
@@ -80,7 +80,7 @@ def test_images_too_small_for_a_metric_say_so(pair, monkeypatch):
     target, render = (image[:30, :30] for image in pair)
     valid = np.ones((30, 30), bool)
     monkeypatch.setattr(lpips, "read", lambda net, path: {})
-    learned = {"lpips_alex": evaluate.load_lpips("alex", "a.npz")}
+    learned = image_metrics.learned({"alex": "a.npz"})
     row = evaluate.score(target, render, valid, learned)
     assert np.isnan(row["lpips_alex"])
     assert row["note"] == "lpips_alex: under 31 pixels"

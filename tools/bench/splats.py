@@ -1,9 +1,9 @@
 """Splats as tables: `python -m tools.bench.splats RESULTS CASES SUMMARY...`.
 
 RESULTS: folder with NAME of `make judge`. CASES: CSV of name, trainer, capture, faults.
-SUMMARY: CSVs of trainings with case, seed, psnr, ssim, psnr_aligned, gaussians and
-train_s; a case may end in _sN for its seed. Writes splats.csv, and splat_rows.csv of
-evidence for `tools.bench.limits`, into --out.
+SUMMARY: CSVs of trainings with case, seed, psnr, psnr_aligned, gaussians, train_s and
+what there is of SCORES; a case may end in _sN for its seed. Writes splats.csv, and
+splat_rows.csv of evidence for `tools.bench.limits`, into --out.
 """
 
 import argparse
@@ -15,6 +15,7 @@ import pandas as pd
 from alignerf.verdict import evidence
 from tools.bench import limits
 
+SCORES = ("ssim", "lpips_alex", "sharpness")
 SEED = re.compile(r"(.+)_s\d+")
 
 
@@ -46,7 +47,8 @@ def trained(tables):
         row |= {"psnr_db": psnr.mean()}
         row |= {"psnr_low_db": psnr.min(), "psnr_high_db": psnr.max()}
         row |= {"aligned_pose_db": own["psnr_aligned"].mean()}
-        row |= {"ssim": own["ssim"].mean(), "gaussians": int(own["gaussians"].mean())}
+        row |= {key: own[key].mean() for key in SCORES if key in own}
+        row["gaussians"] = int(own["gaussians"].mean())
         rows.append(row | {"train_s": own["train_s"].mean()})
     return pd.DataFrame(rows).round(4)
 
@@ -57,7 +59,8 @@ def judged(results, case):
     overfit = next(base.glob("**/overfit.csv"), None)
     known, _ = evidence.read(results / case["name"], base, overfit=overfit)
     row = case | {"reading": "renders", "seed": 0, "strengths": 1, "refused": None}
-    return row | limits.flat(known) | {"depth": known.judged.depth}
+    row |= limits.flat(known) | {"depth": known.judged.depth}
+    return row | (known.judged.scores or {})
 
 
 if __name__ == "__main__":

@@ -184,6 +184,7 @@ def verdict(experiment, w):
     if not capture.trains:
         tells["overfit"] = base.overfit
         own["before"] = capture.before(experiment.scenes[w.scene])
+        own |= {f"lpips_{net}": path for net, path in experiment.config.lpips if path}
     else:
         tells["misalignment"] = scene.misalignment
         for name in at_length(experiment, w.scene, experiment.names("in_loop")):

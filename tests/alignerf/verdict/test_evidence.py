@@ -68,12 +68,12 @@ def test_how_another_program_s_renders_were_put_together(tmp_path):
         evidence.read_before(path, None)
 
 
-def test_scores_are_of_held_out_views(rng):
+def test_scores_are_of_held_out_views():
     """Sharpness is the renders' detail over the photos'."""
-    seen = [
+    views = [
         SimpleNamespace(
             row=SimpleNamespace(split=split, psnr_db=psnr_db, sharpness_ratio=ratio),
-            ssim=ssim,
+            scores={} if split == "train" else {"ssim": ssim},
         )
         for split, psnr_db, ratio, ssim in (
             ("train", 40.0, 1.0, np.nan),
@@ -81,11 +81,11 @@ def test_scores_are_of_held_out_views(rng):
             ("test", 22.0, 1.0, 0.7),
         )
     ]
-    found = evidence.scores_of(seen, 64)
+    found = evidence.scores_of(views, 64)
     wanted = {"views": 2, "width_px": 64, "psnr_db": 21.0, "ssim": 0.6}
     assert found == pytest.approx(wanted | {"sharpness": 0.75})
     assert tuple(found) == evidence.SCORED
-    assert evidence.scores_of(seen[:1], 64) is None
+    assert evidence.scores_of(views[:1], 64) is None
 
 
 def seen(name, **changes):
