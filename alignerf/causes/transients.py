@@ -10,12 +10,16 @@ FRACTION, SURE_FRACTION, ANYWAY = 0.0065, 0.01, 3
 
 
 def find(e):
-    """The share in percent; poses that are off make some of it."""
+    """The share in percent; poses that are off make some of it.
+
+    From few photos depth is a guess, which moves photos to wrong places.
+    """
     times = ANYWAY if misalignment.poses_off(e) else 1
     sure = e.transient_fraction > times * SURE_FRACTION
     found = base.beyond(100 * e.transient_fraction, 100 * times * FRACTION)
-    found = found._replace(explains=sure)
-    return found if found.sure is None else found._replace(sure=sure)
+    few = misalignment.few_train(e)
+    told = None if few or found.sure is None else sure
+    return found._replace(sure=told, explains=sure, detectable=not few)
 
 
 CAUSE = base.Cause(

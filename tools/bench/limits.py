@@ -436,10 +436,14 @@ def of_row(row):
 
 
 def cost_of(table):
-    """[n] dB of held-out PSNR that each case is below its capture without a fault."""
+    """[n] dB of held-out PSNR that each case is below its capture without a fault.
+
+    A capture may be there at two sizes of its photos.
+    """
+    same = ["capture", "photo_width_px"]
     own = table[table["faults"] == "nothing"]
-    usual = own.groupby("capture")["score_db"].mean()
-    return table["capture"].map(usual) - table["score_db"]
+    usual = own.groupby(same)["score_db"].mean().rename("usual_db")
+    return table.join(usual, on=same)["usual_db"] - table["score_db"]
 
 
 def sized(table):
