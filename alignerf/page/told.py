@@ -50,8 +50,8 @@ def how_right():
     table = yaml_files.read(ACCURACY)
     each = ", ".join(f"{name} {n} of {of}" for name, (n, of) in table["first"].items())
     return (
-        "How often it is right: of faults planted in captures, the planted cause was "
-        f"named first in {each}, by limits that were fitted without the capture. "
+        "How often it is right: of faults planted in captures that its rules were not "
+        f"made with, the planted cause was named first in {each}. "
         f"{table['false_each']:.2f} causes per verdict were named and not there."
     )
 

@@ -580,7 +580,11 @@ def by_splat(table):
     own = table[table["trainer"].notna()]
     named = own["found"].replace("", "nothing").str.replace("_", " ")
     right = ~own["false"].astype(bool) & ~own["missed"].astype(bool)
-    columns = {"splat": own["name"], "trainer": own["trainer"], "there": own["faults"]}
+    columns = {
+        "splat": own["name"],
+        "trainer": own["trainer"],
+        "there": own["faults"].str.replace("+", ", "),
+    }
     columns |= {"named": named, "right": right.map({True: "yes", False: "no"})}
     return pd.DataFrame(columns)
 

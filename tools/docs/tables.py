@@ -62,7 +62,8 @@ def verdicts(root):
     table = table[table["role"] == "held out"]
     if table["first"].isna().all():  # there was no look yet
         table = pd.read_csv(root / MEASURED / "verdicts.csv", comment="#")
-    table = table[table["read_as"] == "its renders"].set_index("capture")
+    table = table[(table["read_as"] == "its renders") & (table["first_of"] > 0)]
+    table = table.set_index("capture")
     return table.astype({"first": int, "first_of": int})
 
 
