@@ -187,7 +187,8 @@ def row(loaded: prepared.Scene, depth, view, fitted: Fitted):
         **pose_error.difference(camera, moved, size, near),
         "fitted_pixels": fitted.pixels,
         "noise_px": fitted.noise_px,
-        "error_px": fitted.error_px,
+        # As tables have it: an empty cell is unknown.
+        "error_px": fitted.error_px if np.isfinite(fitted.error_px) else "",
     }
 
 
