@@ -39,8 +39,8 @@ NEARS, CLEARLY_DB = ((rasterize.NEAR, rasterize.MAX_ALPHA), (0.01, 0.999)), 0.02
 # Written by nerfstudio beside its checkpoints.
 NERFSTUDIO, ABOVE = "dataparser_transforms.json", 4
 # Of 3DGS beside its model: what was asked, a divisor of the photos or their width.
-OPTIONS, RESOLUTION = "cfg_args", re.compile(r"\bresolution=(-?\d+)")
-DIVIDES = (1, 2, 4, 8)
+OPTIONS, DIVIDES = "cfg_args", (1, 2, 4, 8)
+NOTED = [r"\bresolution=(-?\d+)", r"\bimages=.images_([248])\b"]
 # What is told of them, beside the renders.
 TOLD = "splat.json"
 # Fewer cameras do not fix a similarity.
@@ -270,18 +270,19 @@ def trained_px(path):
     """The longest side of the photos that a splat was trained on; None where unknown.
 
     Rendered larger, it has less detail than the photos, which is no misalignment. 3DGS
-    writes the size of the photos, and beside it how much smaller it has made them.
+    writes the size of the photos, and beside it how much smaller it has made them,
+    or taken them from images_4.
     """
     if not (theirs := trained_by(path)):
         return None
     width_px = max(shot.size[0] for shot in theirs.shots)
     longest_px = max(max(shot.size) for shot in theirs.shots)
     for beside in above(path, OPTIONS):
-        told = RESOLUTION.search(faults.text(beside))
-        asked = int(told[1]) if told else -1
+        told, smaller = (re.search(one, faults.text(beside)) for one in NOTED)
+        asked, times = int(told[1]) if told else -1, int(smaller[1]) if smaller else 1
         if asked not in DIVIDES:
-            asked = max(1.0, width_px / (asked if asked > 0 else LONGEST_PX))
-        return longest_px / asked
+            asked = max(1.0, width_px / times / (asked if asked > 0 else LONGEST_PX))
+        return longest_px / times / asked
     return longest_px
 
 

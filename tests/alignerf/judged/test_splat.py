@@ -139,8 +139,12 @@ def test_the_cameras_of_its_training_tell_its_world(project):
     assert small.shape[:2] == (SIZE[1] // 2, SIZE[0] // 2)
     assert splat.trained_px(path) == max(SIZE) // 2
     # 3DGS writes the photos' own size, and how much smaller it has made them.
-    for asked, px in ((-1, 1), (1, 1), (2, 0.5), (SIZE[0] // 8, 0.25)):
-        noted = f"Namespace(sh_degree=3, resolution={asked}, source_path='a')"
+    for asked, taken, px in (
+        *((-1, "images", 1), (1, "images", 1), (2, "images", 0.5)),
+        *((-1, "images_4", 0.25), (2, "images_2", 0.25), (-1, "a_4", 1)),
+        (SIZE[0] // 8, "images", 0.25),
+    ):
+        noted = f"Namespace(images='{taken}', resolution={asked}, source_path='a')"
         (folder / "cfg_args").write_text(noted)
         assert splat.trained_px(path) == px * max(SIZE) // 2
     (folder / "cfg_args").unlink()
