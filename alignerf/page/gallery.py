@@ -29,7 +29,7 @@ STRIP_HEIGHT = 100
 # A length is `low` up to its limit, `high` beyond so many limits.
 HIGH = 3.0
 # The photo with a line around what comes and goes, of its longer side and in RGB.
-TRANSIENT, LINE, LINE_COLOUR = "what comes and goes", 0.006, (255, 0, 160)
+TRANSIENT, LINE, LINE_COLOUR = pictures.KEPT[1], 0.006, (255, 0, 160)
 # Thumbnails that are not folded away.
 SOME = 24
 # Of crops at the photos' own size, in folders of trainings on them.

@@ -16,8 +16,9 @@ from alignerf.io import machine
 MAX_BYTES = 6_000_000
 # (longest side in px, WebP's quality): the first under MAX_BYTES is taken.
 SIZES = ((1280, 88), (960, 85), (720, 82), (540, 78), (400, 70), (280, 60))
-# With less space only so many photos have every layer; others have photo and renders.
-MAX_WHOLE = 12
+# With less space only so many photos have every layer; others have photo and renders,
+# and what is named of them.
+MAX_WHOLE, KEPT = 12, ("photo", "what comes and goes")
 THUMBS, MAX_THUMB_BYTES = ((144, 60), (96, 55), (64, 45), (32, 40)), 750_000
 # Of a page's photos so many tell how large all will be.
 SAMPLE = 5
@@ -59,7 +60,7 @@ def fitted(shown):
 def chosen(shown, whole):
     """Names of the layers of each photo: all of the first `whole`."""
     return [
-        [name for name in one.layers if i < whole or name in ("photo", *one.renders)]
+        [name for name in one.layers if i < whole or name in (*KEPT, *one.renders)]
         for i, one in enumerate(shown)
     ]
 

@@ -97,13 +97,15 @@ def test_too_many_pixels_are_made_smaller_until_they_fit(rng, monkeypatch):
 
 def test_where_space_is_short_only_the_worst_have_every_layer(rng, monkeypatch):
     image = rng.integers(0, 256, (40, 60, 3), dtype=np.uint8)
-    many = [shown(f"{i}", image, more=("flow", "truth")) for i in range(6)]
+    many = [shown(f"{i}", image, more=("flow", "truth")) for i in range(5)]
+    many.append(shown("5", image, more=("flow", pictures.KEPT[1])))
     monkeypatch.setattr(pictures, "MAX_WHOLE", 2)
     whole = pictures.fitted(many)
     size = sum(pictures.size_of(uri) for one in whole.values() for uri in one.values())
     monkeypatch.setattr(pictures, "MAX_BYTES", 0.8 * size)
     found = pictures.fitted(many)
-    assert [len(one) for one in found.values()] == [4, 4, 2, 2, 2, 2]
+    assert [len(one) for one in found.values()] == [4, 4, 2, 2, 2, 3]
+    assert pictures.KEPT[1] in found["test/5"]
     assert decoded(found["test/0"]["photo"]).shape == image.shape
 
 
