@@ -63,7 +63,7 @@ def main(argv=None):
             error_px = errors_px.get((*name.values(),), np.inf) if errors_px else 0
             if error_px > MAX_ERROR_PX:
                 why = f"psnr_db: the photo leaves its camera open by {error_px:.2g} px"
-                row |= {"psnr_db": np.nan, "note": why}
+                row |= {"psnr_db": np.nan, "note": why.removesuffix(" by inf px")}
             note = "; ".join(n for n in (row.pop("note"), missing) if n)
             rows.append(name | row | {"note": note})
     with atomic.replace_file(args.metrics) as path:

@@ -215,6 +215,7 @@ def test_moved_cameras_are_scored_by_their_own_renders(folder, rng):
     # One half by an uncertain camera is enough.
     assert found.loc["a", "psnr_db"].isna().all()
     assert "open by 0.7 px" in found.loc["a", "aligned_pose"]["note"]
+    assert "camera open;" in found.loc["a", "aligned_pose_overfit"]["note"]
     for name, kind in {
         "aligned_pose": "images",
         "aligned_pose_overfit": "truth/oracle",
