@@ -30,7 +30,8 @@ def of_table(path, timings, judgements=()):
     """
     table = csv_files.read(path, columns=COLUMNS)
     labels = dict(zip(table["method"], table["field"], strict=True))
-    gains, known = [], {*table["test_set"]}
+    # Of moved cameras that no photo fixes there are no scores.
+    gains, known = [], {*table["test_set"][table["difference_db"].notna()]}
     for row in table.itertuples():
         is_base = (row.method, row.warping) == (row.difference_to, scores.warping(0))
         # What it moves is unknown of published rows.

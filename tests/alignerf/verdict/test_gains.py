@@ -101,6 +101,13 @@ def test_the_verdict_takes_the_test_set_that_is_fair_to_each_kind(
         fair = "aligned_pose" if row.moves_cameras and more else "standard"
         assert one.test_set == ("oracle" if "oracle" in more else fair), one.name
         assert one.db == pytest.approx(1 + sets.index(one.test_set)), one.name
+    # Where photos show too little for cameras to be fitted to them.
+    is_moved = table["test_set"] == "aligned_pose"
+    table.loc[is_moved, scores.with_ends("difference_")] = float("nan")
+    table.to_csv(tmp_path / "misalignment.csv", index=False)
+    found = gains.of_table(tmp_path / "misalignment.csv", in_loop)
+    assert {gain.method for gain in found} == {*MOVES}
+    assert "aligned_pose" not in {gain.test_set for gain in found}
 
 
 @pytest.mark.parametrize(
