@@ -26,9 +26,9 @@ SCORES |= {"sharpness": ("sharpness (photo: 1)", ".2f")}
 # Of renders of another program: by the depth that was used.
 DEPTHS = {
     "given": "The renders' own depth was used.",
-    "points": "Depth is coarse: it comes from the cameras' sparse points.",
+    "points": "Depth is coarse, of sparse points: what comes and goes is not told.",
     "far": "Without depth only a camera's rotation and focal length are told, not its "
-    "translation, which counts as residual flow.",
+    "translation, which counts as residual flow, nor what comes and goes.",
 }
 
 
