@@ -60,8 +60,8 @@ def error_px(render, photo, motion, points, fitted, scored):
     mean = abs(np.trace(hessians.sum(axis=0))) / 6
     if len(patches) < 2 or mean == 0:
         return np.nan
-    # A step has no effect where all is infinitely far.
-    hessians[0] += np.diag(np.where(unit > 0, RIDGE * mean, mean))
+    # A step has no effect where all is infinitely far. Without any patch, too.
+    hessians += np.diag(np.where(unit > 0, RIDGE * mean, mean)) / len(patches)
     whole, step = hessians.sum(axis=0), asked.sum(axis=0)
     further = np.linalg.solve(whole, step)
     without = np.linalg.solve(whole - hessians, (step - asked)[..., None])[..., 0]

@@ -133,3 +133,10 @@ def test_what_shows_nothing_has_no_error():
             grey, grey, camera_motion.STILL, points, fitted, ~HALF
         )
         assert np.isnan(found)
+
+
+def test_what_is_far_away_tells_no_step_and_has_an_error(rng):
+    render, photo, *_ = pair(rng, 25.0, 2.0)
+    points = camera_motion.points_of(PIXTOCAM, np.full((HEIGHT, WIDTH), np.inf))
+    still = camera_motion.STILL
+    assert certainty.error_px(render, photo, still, points, HALF, ~HALF) > 0
