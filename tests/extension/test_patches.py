@@ -46,7 +46,7 @@ def test_a_cause_is_named_said_advised_on_and_shown(soft, e):
             continue
         (finding,) = found["findings"]
         wanted = {"cause": "soft", "value": float(value), "sure": level == "faulty"}
-        assert finding == wanted | {"at_stake_db": None}
+        assert finding == wanted | {"at_stake_db": None, "photos": []}
         assert f"{float(value):.2f} of their renders' detail" in found["because"][0]
         words = "enlarged" if e == "ours" else "as they were taken"
         assert words in found["do_first"]["text"]
