@@ -66,7 +66,7 @@ def sampled(view: View) -> Sampled:
     """The parts of a view that are compared with other views."""
     # Of each k x k pixels the middle one: a mean of two depths is that of nothing.
     k = -(-max(view.depth.shape) // LONGEST_PX)
-    chosen = slice(k // 2, None, k), slice(k // 2, None, k)
+    chosen, pixtocam = every_kth(k, view.pixtocam)
     depth = view.depth[chosen].astype(np.float64)
     grey = cv2.cvtColor(np.ascontiguousarray(view.photo), cv2.COLOR_RGB2GRAY)
     levels = cv2.GaussianBlur(grey.astype(np.float32), (0, 0), SIGMA_PX * k)[chosen]
@@ -75,9 +75,6 @@ def sampled(view: View) -> Sampled:
     if view.counts is not None:
         usable &= view.counts[chosen]
     levels, depth = (np.where(usable, image, np.nan) for image in (levels, depth))
-    # Pixel i of the small image is pixel k i + k // 2 of the whole.
-    shift = k // 2 + 0.5 - 0.5 * k
-    pixtocam = view.pixtocam @ np.array([[k, 0, shift], [0, k, shift], [0, 0, 1.0]])
     stride = int(np.ceil(np.sqrt(usable.size / MAX_PIXELS)))
     y, x = (stride * axis for axis in np.nonzero(usable[::stride, ::stride]))
     rays = cameras.pixels_to_rays(x, y, pixtocam, view.camtoworld)
@@ -85,14 +82,30 @@ def sampled(view: View) -> Sampled:
     return Sampled(points, levels[y, x], levels, depth, pixtocam, view.camtoworld)
 
 
-def ratio(first: Sampled, second: Sampled):
-    """(stops by which the second photo is brighter, pixels that say so)."""
-    pixel, depth = cameras.project(first.points, second.pixtocam, second.camtoworld)
-    h, w = second.levels.shape
+def every_kth(k, pixtocam):
+    """(what takes every k-th pixel of an image [h, w], the camera of these)."""
+    # Pixel i of the small image is pixel k i + k // 2 of the whole.
+    shift = k // 2 + 0.5 - 0.5 * k
+    of_small = np.array([[k, 0, shift], [0, k, shift], [0, 0, 1.0]])
+    return (slice(k // 2, None, k),) * 2, pixtocam @ of_small
+
+
+def landed(points, view: Sampled):
+    """Where points [n, 3] are in a view: (inside [n], the pixels (y, x) of those, and
+    their depth).
+    """
+    pixel, depth = cameras.project(points, view.pixtocam, view.camtoworld)
+    h, w = view.depth.shape
     inside = (depth > 0) & (pixel >= 0).all(axis=-1) & (pixel < (w, h)).all(axis=-1)
     x, y = np.floor(pixel[inside]).astype(int).T
-    levels, there = second.levels[y, x], second.depth[y, x]
-    same = np.abs(there - depth[inside]) < DEPTH_AGREES * depth[inside]
+    return inside, (y, x), depth[inside]
+
+
+def ratio(first: Sampled, second: Sampled):
+    """(stops by which the second photo is brighter, pixels that say so)."""
+    inside, at, depth = landed(first.points, second)
+    levels = second.levels[at]
+    same = np.abs(second.depth[at] - depth) < DEPTH_AGREES * depth
     count = int(same.sum())
     if count < max(MIN_PIXELS, MIN_FRACTION * len(first.seen)):
         return 0.0, 0
@@ -118,20 +131,26 @@ def stops(views):
 
 def compared(views):
     """Of each view, the indices of those that it is compared with."""
-    rng = np.random.default_rng(0)
-    centres = np.array([view.camtoworld[:, 3] for view in views])
-    axes = np.array([view.camtoworld[:, 2] for view in views])
-    size = max(np.ptp(centres, axis=0).max(), 1e-12) if len(views) else 1.0
-    chosen = []
-    for i in range(len(views)):
-        far = np.linalg.norm(centres - centres[i], axis=-1) / size
-        far += 1 - axes @ axes[i]
-        far[i] = np.inf
-        near = np.argsort(far)[: min(NEAREST, len(views) - 1)]
+    rng, chosen = np.random.default_rng(0), []
+    for i, near in enumerate(nearest(views, NEAREST)):
         rest = np.setdiff1d(np.arange(len(views)), [i, *near])
         drawn = rng.choice(rest, min(DRAWN, len(rest)), replace=False)
         chosen.append([*near.tolist(), *drawn.tolist()])
     return chosen
+
+
+def nearest(views, most):
+    """Of each view, the indices of at most so many that look from near by, alike."""
+    if not views:
+        return
+    centres = np.array([view.camtoworld[:, 3] for view in views])
+    axes = np.array([view.camtoworld[:, 2] for view in views])
+    size = max(np.ptp(centres, axis=0).max(), 1e-12)
+    for i in range(len(views)):
+        far = np.linalg.norm(centres - centres[i], axis=-1) / size
+        far += 1 - axes @ axes[i]
+        far[i] = np.inf
+        yield np.argsort(far)[: min(most, len(views) - 1)]
 
 
 def solved(count, pairs):

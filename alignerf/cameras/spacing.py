@@ -8,8 +8,7 @@ import math
 
 import numpy as np
 
-from alignerf.cameras.exposure import DEPTH_AGREES, Sampled
-from alignerf.scenes import cameras
+from alignerf.cameras.exposure import DEPTH_AGREES, Sampled, landed
 
 # The photo of those that see a point whose angle counts, the nearest first.
 SEEN_BY = 3
@@ -35,12 +34,9 @@ def third(view: Sampled, learnt):
     angles = np.full((max(len(learnt), SEEN_BY), len(points)), np.inf)
     own = unit(points - view.camtoworld[:, 3])
     for row, other in zip(angles, learnt, strict=False):
-        pixel, depth = cameras.project(points, other.pixtocam, other.camtoworld)
-        h, w = other.depth.shape
-        inside = (depth > 0) & (pixel >= 0).all(axis=-1) & (pixel < (w, h)).all(axis=-1)
-        x, y = np.floor(pixel[inside]).astype(int).T
-        off = np.abs(other.depth[y, x] - depth[inside])
-        seen = np.flatnonzero(inside)[off < 2 * DEPTH_AGREES * depth[inside]]
+        inside, at, depth = landed(points, other)
+        off = np.abs(other.depth[at] - depth)
+        seen = np.flatnonzero(inside)[off < 2 * DEPTH_AGREES * depth]
         cosine = (own[seen] * unit(points[seen] - other.camtoworld[:, 3])).sum(axis=-1)
         row[seen] = np.degrees(np.arccos(np.clip(cosine, -1, 1)))
     return np.partition(angles, SEEN_BY - 1, axis=0)[SEEN_BY - 1]

@@ -31,8 +31,8 @@ MIN_PART = 0.006
 MIN_KNOWN, MAX_PART = 0.1, 0.5
 # A surface hides what is farther away by so much.
 BEHIND = 1.05
-# Of 8 bits: beyond, a pixel is clipped or noise. As bright as so many pixels say.
-DARKEST, BRIGHTEST, MIN_PIXELS = 8, 247, 100
+# As bright as so many pixels say.
+MIN_PIXELS = 100
 
 
 class View(NamedTuple):
@@ -64,7 +64,7 @@ class Found(NamedTuple):
 def small(view: exposure.View) -> View:
     """The parts of a view that are compared with other views'."""
     k = -(-max(view.depth.shape) // LONGEST_PX)
-    chosen = slice(k // 2, None, k), slice(k // 2, None, k)
+    chosen, pixtocam = exposure.every_kth(k, view.pixtocam)
     sigma = max(SIGMA_FRACTION * max(view.depth.shape), 0.5 * k)
     photo = cv2.GaussianBlur(view.photo, (0, 0), sigma)[chosen]
     depth = view.depth[chosen].astype(np.float32)
@@ -72,8 +72,6 @@ def small(view: exposure.View) -> View:
     if view.counts is not None:
         counts = view.counts[chosen]
     depth = np.where(counts & np.isfinite(depth) & (depth > 0), depth, np.nan)
-    shift = k // 2 + 0.5 - 0.5 * k
-    pixtocam = view.pixtocam @ np.array([[k, 0, shift], [0, k, shift], [0, 0, 1.0]])
     return View(photo, depth, pixtocam, view.camtoworld, counts)
 
 
@@ -81,21 +79,8 @@ def found(views):
     """`Found` of each `View`."""
     return [
         of_view(view, [views[i] for i in near])
-        for view, near in zip(views, neighbours(views), strict=True)
+        for view, near in zip(views, exposure.nearest(views, NEIGHBOURS), strict=True)
     ]
-
-
-def neighbours(views):
-    """Of each view, the indices of those that it is compared with."""
-    if not views:
-        return
-    centres = np.array([view.camtoworld[:, 3] for view in views])
-    axes = np.array([view.camtoworld[:, 2] for view in views])
-    size = max(np.ptp(centres, axis=0).max(), 1e-12)
-    for i in range(len(views)):
-        far = np.linalg.norm(centres - centres[i], axis=-1) / size + 1 - axes @ axes[i]
-        far[i] = np.inf
-        yield np.argsort(far)[: min(NEIGHBOURS, len(views) - 1)]
 
 
 def of_view(view: View, others) -> Found:
@@ -189,13 +174,14 @@ def moved_into(view: View, other: View):
 
 def alike(shown, own):
     """As bright as a view's photo, in each channel."""
-    known = np.isfinite(shown[..., 0]) & (own.min(axis=-1) > DARKEST)
-    known &= np.maximum(own, shown).max(axis=-1) < BRIGHTEST
+    known = np.isfinite(shown[..., 0]) & (own.min(axis=-1) > exposure.DARKEST)
+    known &= np.maximum(own, shown).max(axis=-1) < exposure.BRIGHTEST
     if known.sum() < MIN_PIXELS:
         return np.full_like(shown, np.nan)
     even = shown * np.median((own[known] + 1) / (shown[known] + 1), axis=0)
     # What is clipped may be any brighter.
-    return np.minimum(np.where(shown > BRIGHTEST, np.maximum(even, own), even), 255)
+    even = np.where(shown > exposure.BRIGHTEST, np.maximum(even, own), even)
+    return np.minimum(even, 255)
 
 
 def write(path, masks):

@@ -25,6 +25,7 @@ import yaml
 from scipy import optimize, stats
 
 from alignerf import causes
+from alignerf.cameras import exposure as brightness
 from alignerf.causes import base as of_causes
 from alignerf.causes import (
     blur,
@@ -90,9 +91,8 @@ OTHERS = {
     "a phone's poses": ("camera", "lens_shift"),
     "a lost view": ("pairs", "floaters"),
 }
-# Of levels at keypoints: how far they are smoothed, what is clipped, in 8 bits; and of
-# how many a pair's difference is the median.
-SMOOTH_PX, DARKEST, BRIGHTEST, MIN_SHARED = 1.5, 8, 247, 15
+# Of so many keypoints a pair's difference of levels is the median.
+MIN_SHARED = 15
 
 
 def collect(out, captures, known=None):
@@ -134,14 +134,14 @@ def matched(capture, out):
 def own_of(found, photos):
     """The causes that are true of a capture as it is, by name, joined by spaces.
 
-    Brightness changes where levels of keypoints say so that match (found) in the photos
-    {name: [h, w, 3]}: neither renders nor depth are asked.
+    found: matches in the photos {name: [h, w, 3]}. Neither renders nor depth are asked.
     """
     levels = []
     for name, xy in zip(found.names, found.keypoints, strict=True):
-        grey = cv2.GaussianBlur(photos[name].mean(-1, np.float32), (0, 0), SMOOTH_PX)
+        grey = photos[name].mean(-1, np.float32)
+        grey = cv2.GaussianBlur(grey, (0, 0), brightness.SIGMA_PX)
         x, y = np.minimum(np.floor(xy).astype(int), np.array(grey.shape[::-1]) - 1).T
-        known = (grey[y, x] > DARKEST) & (grey[y, x] < BRIGHTEST)
+        known = (grey[y, x] > brightness.DARKEST) & (grey[y, x] < brightness.BRIGHTEST)
         levels.append(np.where(known, np.log2(np.maximum(grey[y, x], 1.0)), np.nan))
     rows, sides = [np.ones(len(levels))], [0.0]
     for (i, j), index in zip(found.pairs, found.indices, strict=True):
@@ -149,7 +149,7 @@ def own_of(found, photos):
         if np.isfinite(apart).sum() >= MIN_SHARED:
             rows.append(np.eye(len(levels))[j] - np.eye(len(levels))[i])
             sides.append(np.nanmedian(apart))
-    stops, *_ = np.linalg.lstsq(np.array(rows), np.array(sides))
+    stops = np.linalg.lstsq(rows, sides)[0]
     return "exposure" if np.std(stops) > exposure.SHARED_EV else ""
 
 
