@@ -23,6 +23,9 @@ NEIGHBOURS, MIN_AGREE = 20, 3
 WEAK, STRONG = (15.0, 2.0, 1.5), (25.0, 3.0, 2.5)
 # Levels that no shadow leaves, which makes all channels darker alike.
 SHADE = 13.5
+# Of what a part is apart from others by: a render that is nearer to the photo shows the
+# same, so that its depth is wrong, as of a fence or of the sky behind an edge.
+UNLIKE_RENDER = 0.4
 # Of the longer side: what is finer than this is not looked for.
 SIGMA_FRACTION = 0.012
 # Of the pixels that are known of a view: a smaller part is none.
@@ -36,12 +39,13 @@ MIN_PIXELS = 100
 
 
 class View(NamedTuple):
-    """A view made small: blurred photo [h, w, 3] uint8, depth [h, w], its camera.
+    """A view made small: blurred photo and render [h, w, 3], depth [h, w], its camera.
 
     depth is along the axis, and NaN where it is unknown or the photo does not count.
     """
 
     photo: np.ndarray
+    render: np.ndarray
     depth: np.ndarray
     pixtocam: np.ndarray
     camtoworld: np.ndarray
@@ -61,18 +65,20 @@ class Found(NamedTuple):
         return float(self.shown.sum() / count) if count else np.nan
 
 
-def small(view: exposure.View) -> View:
-    """The parts of a view that are compared with other views'."""
+def small(view: exposure.View, render) -> View:
+    """The parts of a view and its render [h, w, 3] that others are compared with."""
     k = -(-max(view.depth.shape) // LONGEST_PX)
     chosen, pixtocam = exposure.every_kth(k, view.pixtocam)
     sigma = max(SIGMA_FRACTION * max(view.depth.shape), 0.5 * k)
-    photo = cv2.GaussianBlur(view.photo, (0, 0), sigma)[chosen]
+    pair = (
+        cv2.GaussianBlur(one, (0, 0), sigma)[chosen] for one in (view.photo, render)
+    )
     depth = view.depth[chosen].astype(np.float32)
     counts = np.ones(depth.shape, bool)
     if view.counts is not None:
         counts = view.counts[chosen]
     depth = np.where(counts & np.isfinite(depth) & (depth > 0), depth, np.nan)
-    return View(photo, depth, pixtocam, view.camtoworld, counts)
+    return View(*pair, depth, pixtocam, view.camtoworld, counts)
 
 
 def found(views):
@@ -103,6 +109,8 @@ def of_view(view: View, others) -> Found:
     )
     agreed = np.where(known[..., None], agreed, 0)
     shown = things(weak, strong, own, agreed, max(MIN_PART * known.sum(), 1))
+    left = np.abs(own - alike(view.render.astype(np.float32), own)).mean(axis=-1)
+    shown = unlike(shown, left, off)
     # A photo that differs nearly everywhere is another one, or its camera is wrong.
     usable = known.mean() > MIN_KNOWN and shown.sum() < MAX_PART * known.sum()
     return Found(shown, known) if usable else unknown(known.shape)
@@ -143,6 +151,18 @@ def things(weak, strong, own, agreed, least_px):
     kept = (total(strong) >= least_px) & (total(left) > SHADE * total(weak))
     kept[0] = False
     return kept[labels]
+
+
+def unlike(shown, left, off):
+    """The parts [h, w] of a mask that a render lacks.
+
+    left, off [h, w]: levels that the photo is apart from it, and from other photos.
+    """
+    count, labels = cv2.connectedComponents(shown.astype(np.uint8))
+    left, off = (
+        np.bincount(labels[shown], values[shown], count) for values in (left, off)
+    )
+    return shown & (left > UNLIKE_RENDER * off)[labels]
 
 
 def moved_into(view: View, other: View):
@@ -193,8 +213,10 @@ def write(path, masks):
 
 
 def read(path):
-    """{view: [h, w] bool} as `write` wrote it."""
+    """{view: [h, w] bool} as `write` wrote it; ValueError names a file that is not."""
     data = archives.read(path, ("names", "shown"))
+    if data["names"].ndim != 1 or data["shown"].shape[:1] != data["names"].shape:
+        raise ValueError(f"{path}: there is not one mask for each name")
     return dict(zip(data["names"].tolist(), data["shown"], strict=True))
 
 

@@ -71,7 +71,7 @@ def denied(e):
     Those that fit, and find nothing to correct, do.
     """
     m = e.matches
-    return m and bool(not m.accepted and m.before_px <= RIGHT_PX)
+    return m and bool(not misalignment.corrected(m) and m.before_px <= RIGHT_PX)
 
 
 def is_shared(e):

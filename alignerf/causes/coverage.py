@@ -2,13 +2,14 @@
 
 import math
 
-from alignerf.causes import base
+from alignerf.causes import base, blur, exposure
 from alignerf.causes.shared import misalignment
 
 # Training views fit their renders, test views do not: geometry that photos do not fix.
 # A gap in PSNR says so, a smaller one where photos see the same from farther aside than
-# this, and a larger one where they do not, within these times.
-GAP_DB, FAR_DEG, TIMES = 4.0, 20.0, (0.6, 2.0)
+# this, and a larger one where they do not, within these times. Where they are held out,
+# blurred photos are matched worse as well.
+GAP_DB, FAR_DEG, TIMES, BY_BLUR = 4.0, 20.0, (0.75, 2.0), 2
 # Share of the photos that COLMAP has placed.
 REGISTERED = 0.9
 # Of the views, those of which a floater hides a part; and as many at the least.
@@ -21,13 +22,16 @@ def find_sparse(e):
     limit_db = GAP_DB
     if not math.isnan(e.apart_deg):
         limit_db *= min(max(FAR_DEG / max(e.apart_deg, 1e-9), TIMES[0]), TIMES[1])
+    least_db = limit_db * (BY_BLUR if blur.CAUSE.find(e).sure is not None else 1)
     # Held-out views may have the right shape. A splat knows its photos by heart: the
     # gap was 7.8 dB where held-out photos were 0.18 px from their renders.
     fits = e.judged and e.flow_test_px < misalignment.told_px(e.overfit_px)
+    # Brightness that changes is learnt as what depends on the direction.
+    learnt = exposure.find_changes(e).sure is not None and e.apart_deg <= FAR_DEG
     return base.beyond(
         gap_db,
         limit_db,
-        where=not fits or e.apart_deg > FAR_DEG,
+        where=gap_db > least_db and not learnt and (not fits or e.apart_deg > FAR_DEG),
         said=f"training photos reach {e.psnr_train_db:.1f} dB, held-out ones "
         f"{e.psnr_test_db:.1f}",
     )

@@ -88,7 +88,7 @@ CHANGES = base.Cause(
     label="exposure",
     unit="stops",
     find=find_changes,
-    explains=("sparse", "motion"),
+    explains=("sparse", "motion", "floaters"),
     spoils="brightness changes between photos",
     called="exposure {probably}changes",
     sentence="Exposure {probably}changes between photos, by {value:.2f} stops "
@@ -118,6 +118,7 @@ CHANNELS = base.Cause(
     explains=(
         *TONE.explains,
         "tone",
+        "transients",
         "exposure",
         "camera",
         "lens_shift",

@@ -1,12 +1,13 @@
 """Things come and go between photos: what one shows and others of the place do not."""
 
-from alignerf.causes import base
+from alignerf.causes import base, exposure
 from alignerf.causes.shared import misalignment
 
 # Of what photos show: 0.001 where nothing is there, 0.006 where one photo of 25 has a
 # car, 0.011 where every fifth has something on a twentieth of it. From where it is
-# sure. Poses that are off by 6 px double it.
-FRACTION, SURE_FRACTION, ANYWAY = 0.0065, 0.01, 3
+# sure. Poses that are off by 6 px double it, and so does exposure that makes flows
+# stumble: 0.005 became 0.010.
+FRACTION, SURE_FRACTION, BY_POSES, BY_EXPOSURE = 0.0065, 0.01, 3, 2
 
 
 def find(e):
@@ -14,7 +15,8 @@ def find(e):
 
     From few photos depth is a guess, which moves photos to wrong places.
     """
-    times = ANYWAY if misalignment.poses_off(e) else 1
+    times = BY_EXPOSURE if exposure.disturbs(e) else 1
+    times = BY_POSES if misalignment.poses_off(e) else times
     sure = e.transient_fraction > times * SURE_FRACTION
     found = base.beyond(100 * e.transient_fraction, 100 * times * FRACTION)
     few = misalignment.few_train(e)
@@ -28,7 +30,7 @@ CAUSE = base.Cause(
     unit="%",
     find=find,
     explains=(
-        *("sparse", "motion", "floaters", "blurred", "exposure", "tone"),
+        *("sparse", "motion", "floaters", "blurred", "exposure"),
         *("lens_shift", "lens_distortion"),
     ),
     spoils="things come and go between photos",

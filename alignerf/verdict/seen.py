@@ -63,7 +63,7 @@ def of_view(loaded: prepared.Scene, base, split, tables, look, metrics, view):
         measured,
         look(photo, render, counts),
         exposure.sampled(whole),
-        transients.small(whole),
+        transients.small(whole, render),
         tone.levels_of(photo, render, counts),
         spectrum.octaves(shown, render) * (1.0 if counts.mean() > 0.5 else np.nan),
         floaters.hidden(photo, render, depth, counts),

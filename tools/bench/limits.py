@@ -93,6 +93,8 @@ OTHERS = {
 }
 # Of so many keypoints a pair's difference of levels is the median.
 MIN_SHARED = 15
+# Fine detail of a photo so wide: between these blurs, and around a pixel.
+FINE_WIDTH_PX, FINE_PX, AROUND_PX = 800, (0.7, 1.6), 4.0
 
 
 def collect(out, captures, known=None):
@@ -136,21 +138,43 @@ def own_of(found, photos):
 
     found: matches in the photos {name: [h, w, 3]}. Neither renders nor depth are asked.
     """
-    levels = []
+    levels, details = [], []
     for name, xy in zip(found.names, found.keypoints, strict=True):
         grey = photos[name].mean(-1, np.float32)
-        grey = cv2.GaussianBlur(grey, (0, 0), brightness.SIGMA_PX)
         x, y = np.minimum(np.floor(xy).astype(int), np.array(grey.shape[::-1]) - 1).T
-        known = (grey[y, x] > brightness.DARKEST) & (grey[y, x] < brightness.BRIGHTEST)
-        levels.append(np.where(known, np.log2(np.maximum(grey[y, x], 1.0)), np.nan))
-    rows, sides = [np.ones(len(levels))], [0.0]
+        own = cv2.GaussianBlur(grey, (0, 0), brightness.SIGMA_PX)[y, x]
+        known = (own > brightness.DARKEST) & (own < brightness.BRIGHTEST)
+        levels.append(np.where(known, np.log2(np.maximum(own, 1.0)), np.nan))
+        details.append(np.log2(detail(grey)[y, x]))
+    stops, sharp = (over_photos(found, each) for each in (levels, details))
+    soft = sharp - np.median(sharp) < np.log2(blur.BLURRED_DETAIL)
+    true = {
+        "exposure": np.std(stops) > exposure.SHARED_EV,
+        "blurred": soft.mean() > blur.BLURRED_VIEWS,
+    }
+    return " ".join(name for name in true if true[name])
+
+
+def detail(grey):
+    """Amplitude [h, w] of fine detail around each pixel of a grey photo."""
+    scale = max(grey.shape[1] / FINE_WIDTH_PX, 1.0)
+    fine, coarse = (cv2.GaussianBlur(grey, (0, 0), px * scale) for px in FINE_PX)
+    power = cv2.GaussianBlur(np.square(fine - coarse), (0, 0), AROUND_PX * scale)
+    return np.sqrt(np.maximum(power, 1e-3))
+
+
+def over_photos(found, values):
+    """By how much each photo's values are above the others', of what both show.
+
+    values: of the keypoints of each photo; NaN where unknown.
+    """
+    rows, sides = [np.ones(len(values))], [0.0]
     for (i, j), index in zip(found.pairs, found.indices, strict=True):
-        apart = levels[j][index[:, 1]] - levels[i][index[:, 0]]
+        apart = values[j][index[:, 1]] - values[i][index[:, 0]]
         if np.isfinite(apart).sum() >= MIN_SHARED:
-            rows.append(np.eye(len(levels))[j] - np.eye(len(levels))[i])
+            rows.append(np.eye(len(values))[j] - np.eye(len(values))[i])
             sides.append(np.nanmedian(apart))
-    stops = np.linalg.lstsq(rows, sides)[0]
-    return "exposure" if np.std(stops) > exposure.SHARED_EV else ""
+    return np.linalg.lstsq(rows, sides)[0]
 
 
 def owned(row):

@@ -5,6 +5,7 @@ import math
 import sys
 from pathlib import Path
 
+import cv2
 import numpy as np
 import pandas as pd
 import pytest
@@ -198,8 +199,16 @@ def test_the_first_advice_is_on_what_is_there(found, planted_one, strong, right)
     assert limits.is_advised(row | {"own": "exposure", "found": "exposure"})
 
 
-@pytest.mark.parametrize(("stops_ev", "own"), [(0.05, ""), (0.3, "exposure")])
-def test_a_capture_s_own_exposure_is_told_by_its_keypoints(rng, stops_ev, own):
+@pytest.mark.parametrize(
+    ("stops_ev", "soft", "own"),
+    [
+        (0.05, (), ""),
+        (0.3, (), "exposure"),
+        (0.05, (2,), "blurred"),
+        (0.3, (0, 3), "exposure blurred"),
+    ],
+)
+def test_a_capture_s_own_faults_are_told_by_its_keypoints(rng, stops_ev, soft, own):
     picture = judged_cases.picture(7, (160, 120))
     names = [f"v{i}" for i in range(6)]
     stops = stops_ev * np.array([-1, 1, -1, 1, -1, 1])
@@ -207,6 +216,8 @@ def test_a_capture_s_own_exposure_is_told_by_its_keypoints(rng, stops_ev, own):
         name: faults.brighter(picture, ev)
         for name, ev in zip(names, stops, strict=True)
     }
+    for i in soft:
+        photos[names[i]] = cv2.GaussianBlur(photos[names[i]], (0, 0), 2)
     keypoints = rng.uniform(0, (160, 120), (80, 2))
     pairs = np.array([(i, i + 1) for i in range(5)])
     found = matches.Matches(

@@ -5,6 +5,7 @@ to what each of them cost. docs/explain/verdict.md tells of it.
 """
 
 import functools
+import math
 from pathlib import Path
 
 import numpy as np
@@ -25,10 +26,10 @@ def fits():
 def of(name, size):
     """(low, middle, high) in dB of a cause; None where nothing like it was planted.
 
-    size: `base.Finding.size`, finite.
+    size: `base.Finding.size`; None of an unknown one.
     """
     fit = fits().get(name)
-    return fit and of_fit(fit, size)
+    return of_fit(fit, size) if fit and not math.isnan(size) else None
 
 
 def of_fit(fit, size):

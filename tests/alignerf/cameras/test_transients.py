@@ -19,6 +19,13 @@ def plane(x):
     return 120 + 45 * waves
 
 
+def render(pixtocam, camtoworld, size):
+    """Levels [h, w, 3] of the plane."""
+    y, x = np.indices(size)
+    rays = cameras.pixels_to_rays(x, y, pixtocam, camtoworld)
+    return plane(rays.origins + DISTANCE * rays.directions)
+
+
 def view(shift, *, scale=1, stops=0.0, turn_px=0.0, change=None):
     """The plane from a centre moved by `shift` in x; change: of the photo [h, w, 3].
 
@@ -27,9 +34,8 @@ def view(shift, *, scale=1, stops=0.0, turn_px=0.0, change=None):
     pixtocam = PIXTOCAM @ np.diag([1 / scale, 1 / scale, 1])
     camtoworld = np.eye(4)[:3].copy()
     camtoworld[0, 3] = shift
-    x, y = np.meshgrid(np.arange(scale * WIDTH), np.arange(scale * HEIGHT))
-    rays = cameras.pixels_to_rays(x, y, pixtocam, camtoworld)
-    levels = plane(rays.origins + DISTANCE * rays.directions) * 2.0**stops
+    size = scale * HEIGHT, scale * WIDTH
+    levels = render(pixtocam, camtoworld, size) * 2.0**stops
     photo = np.clip(np.round(levels), 0, 255).astype(np.uint8)
     depth = np.full(photo.shape[:2], DISTANCE, np.float32)
     camtoworld[0, 3] += turn_px * DISTANCE / 80.0
@@ -38,8 +44,15 @@ def view(shift, *, scale=1, stops=0.0, turn_px=0.0, change=None):
     return exposure.View(photo, depth, pixtocam, camtoworld)
 
 
+def small(one, shown=None):
+    """A view made small; shown: its render [h, w, 3], by default of the plane."""
+    if shown is None:
+        shown = render(one.pixtocam, one.camtoworld, one.depth.shape)
+    return transients.small(one, shown.astype(np.uint8))
+
+
 def found(views):
-    return transients.found([transients.small(one) for one in views])
+    return transients.found([small(one) for one in views])
 
 
 def thing(rng, share):
@@ -126,6 +139,22 @@ def test_what_cannot_be_told_is_unknown_and_never_a_thing(changed):
     assert not any(other.shown.any() for other in others)
     # A photo of which nothing is the same is another photo.
     assert math.isnan(own.share) or own.share < transients.MAX_PART
+
+
+@pytest.mark.parametrize("stops", [0.0, -0.7])
+def test_what_the_render_shows_as_well_is_no_thing_but_of_wrong_depth(stops):
+    views = [
+        view(0.15 * i, change=thing(np.random.default_rng(i), 0.05)[0])
+        for i in range(12)
+    ]
+    told = found(views)
+    assert all(one.shown.any() for one in told)
+    darker = [(one.photo * 2.0**stops).astype(np.uint8) for one in views]
+    theirs = [small(*pair) for pair in zip(views, darker, strict=True)]
+    assert not any(one.shown.any() for one in transients.found(theirs))
+    assert [one.known.sum() for one in told] == [
+        one.known.sum() for one in transients.found(theirs)
+    ]
 
 
 @pytest.mark.parametrize("count", range(4))

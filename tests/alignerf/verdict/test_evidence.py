@@ -8,7 +8,6 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from alignerf.cameras import transients
 from alignerf.metrics import pairs
 from alignerf.verdict import evidence
 from tests.alignerf.cameras import test_transients as planes
@@ -122,7 +121,7 @@ def test_what_is_said_of_some_photos_names_them():
 def test_things_are_looked_for_where_depth_moves_photos_and_pairs_are_right(
     depth, bad, known
 ):
-    views = [transients.small(planes.view(0.15 * i)) for i in range(9)]
+    views = [planes.small(planes.view(0.15 * i)) for i in range(9)]
     found = [
         SimpleNamespace(row=SimpleNamespace(view=str(i)), place=view)
         for i, view in enumerate(views)

@@ -417,10 +417,11 @@ def test_what_costs_most_comes_first_with_its_advice():
     matches = cases.MATCHES._replace(before_px=0.6, after_px=0.58, lens=bend)
     e = THEIRS._replace(matches=matches, exposure_ev=0.5, hidden_views=3)
     told = of(e)
-    assert cases.named(e) == ["exposure", "lens_distortion", "floaters"]
+    # A model hangs what it cannot explain by brightness before the cameras.
+    assert cases.named(e) == ["exposure", "lens_distortion"]
     assert told["do_first"]["text"].startswith("Lock the exposure")
     stakes = [one["at_stake_db"] for one in told["findings"]]
-    assert stakes[0][0] > stakes[1][0] > stakes[2][0]
+    assert stakes[0][0] > stakes[1][0]
     assert re.search(r"At stake: about \d+ to \d+ dB\.$", told["because"][0])
 
 
