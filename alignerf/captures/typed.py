@@ -326,12 +326,14 @@ def project_around(folder):
 
 
 def judged(key, path):
-    """What PHOTOS, RENDERS, SPLAT or CAMERAS of a judgement means; ValueError as of
-    `meant`. What is not there is left to its reader.
+    """What PHOTOS, RENDERS, SPLAT, CAMERAS or DEPTH of a judgement means; ValueError as
+    of `meant`.
     """
     from alignerf.scenes import photos as of_photos
 
     path = at_home(path)
+    if not path.exists():
+        raise ValueError(f"{key}: {missing(path)}")
 
     def then(folder):
         return provenance.as_command("judge", {key: folder}) + " ..."

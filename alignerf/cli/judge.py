@@ -57,6 +57,8 @@ def main(argv=None):
     what = "splat" if args.splat else "renders"
     if args.splat and args.renders:
         raise ValueError("SPLAT and RENDERS: give one, the splat is rendered here")
+    if args.size and not args.splat:
+        raise ValueError("--size: goes with SPLAT alone: renders have their own")
     for name in ("photos", what, *["cameras"] * bool(args.splat)):
         configs.needed(
             getattr(args, name),
@@ -65,11 +67,9 @@ def main(argv=None):
             f"why-blurry judge --photos photos --{what} {EXAMPLE[what]} "
             "--cameras sparse/0",
         )
-    for key in ("photos", "renders", "splat", "cameras"):
+    for key in ("photos", "renders", "splat", "cameras", "depth"):
         if path := getattr(args, key):
             setattr(args, key, str(typed.judged(key.upper(), path)))
-    if args.depth and not Path(args.depth).exists():
-        raise ValueError(f"DEPTH: {args.depth} does not exist")
     name = args.name or new_name(args)
     if args.before is None:
         args.before = last_of(args.photos, name)
@@ -142,7 +142,7 @@ def render_splat(name, path, args):
     results.check_reads({str(real(one)): key for key, one in given.items()}, written)
     owned.check(Path("results", name))
     configs.check_there(path, {"scenes": {name: scene_of(args)}}, "judge")
-    if splat.is_of(place, files, args.background):
+    if splat.is_of(place, files, args.background, args.size):
         print("renders of the splat are there already")
         return
     if (Path("results", name) / "verdict.json").is_file():
@@ -157,7 +157,7 @@ def render_splat(name, path, args):
         SPLATS.mkdir(parents=True, exist_ok=True)
         atomic.sweep(SPLATS)
         with light.interruptible():
-            told = splat.render(own, cameras, place, files, args.background)
+            told = splat.render(own, cameras, place, files, args.background, args.size)
     finally:
         results.remove_empty(SPLATS)
     print("{gaussians:,} Gaussians rendered, their world {world}".format(**told))
@@ -220,7 +220,7 @@ def is_same(name, args):
         if own != {key: real(one) for key, one in told.items()}:
             return False
         if args.splat and not splat.is_of(
-            SPLATS / name, splat_files(args), args.background
+            SPLATS / name, splat_files(args), args.background, args.size
         ):
             return False
         return not originals.changed(Path("results", name))
@@ -311,6 +311,13 @@ def every_nth(text):
     return int(number)
 
 
+def pixels(text):
+    """A side of a photo."""
+    if not re.fullmatch(r"[1-9][0-9]{1,4}", text):
+        raise argparse.ArgumentTypeError(f"{text!r}: give pixels, from 10 to 99999")
+    return int(text)
+
+
 def parse(argv=None):
     """Arguments of the command line."""
     shared = ("--name", "--cores", "--background", "--pose-convention", "--only-config")
@@ -338,6 +345,12 @@ def parse(argv=None):
         type=every_nth,
         help="every=8: each eighth photo by name was held out; for renders and cameras "
         "that do not say it",
+    )
+    parser.add_argument(
+        "--size",
+        type=pixels,
+        help="longest side, in px, of the photos that the splat was trained on, where "
+        "no file beside it says it",
     )
     parser.add_argument(
         "--before",

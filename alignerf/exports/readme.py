@@ -65,6 +65,13 @@ wider than 1600 pixels at their size:
 
 {every}
 
+OpenSplat and Brush, which learn from all photos unless told otherwise:
+
+    opensplat PATH_OF_THIS_FOLDER -n 30000 -o splat.ply
+    brush PATH_OF_THIS_FOLDER
+
+Postshot: drop images/ and sparse/0 into it together.
+
 COLMAP:
 
     colmap gui --import_path sparse/0 --image_path images

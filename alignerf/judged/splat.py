@@ -20,8 +20,16 @@ from pathlib import Path
 import cv2
 import numpy as np
 
-from alignerf.io import atomic, faults, images, json_files, owned, progress
-from alignerf.judged import camera_files, likeness, originals
+from alignerf.io import (
+    atomic,
+    faults,
+    images,
+    json_files,
+    owned,
+    progress,
+    provenance,
+)
+from alignerf.judged import camera_files, gsplat, likeness, originals
 from alignerf.readers import shots
 from alignerf.readers.programs import reading
 from alignerf.scenes import distortion, photo_names, photos, prepare
@@ -38,6 +46,8 @@ VIEWS, LOOKED_AT = 4, 12
 NEARS, CLEARLY_DB = ((rasterize.NEAR, rasterize.MAX_ALPHA), (0.01, 0.999)), 0.02
 # Written by nerfstudio beside its checkpoints.
 NERFSTUDIO, ABOVE = "dataparser_transforms.json", 4
+# Of gsplat above its .ply: the divisor of the photos.
+GSPLAT, DIVIDED_BY = "cfg.yml", r"^data_factor: ([1-9]\d{0,2})$"
 # Of 3DGS beside its model: what was asked, a divisor of the photos or their width.
 OPTIONS, DIVIDES = "cfg_args", (1, 2, 4, 8)
 NOTED = [r"\bresolution=(-?\d+)", r"\bimages=.images_([248])\b"]
@@ -46,15 +56,22 @@ TOLD = "splat.json"
 # Fewer cameras do not fix a similarity.
 MIN_CAMERAS = 3
 AS_TRAINED = "give photos, cameras and splat as they were in its training"
+WHERE_NONE_FITS = (
+    f"give the cameras of its own training (gsplat: sparse/0), or copy beside it what "
+    f"its trainer wrote: {camera_files.GAUSSIANS} (OpenSplat, 3DGS), {NERFSTUDIO} "
+    "(nerfstudio). If it was moved in an editor, give RENDERS, or train gsplat with "
+    "--no-normalize-world-space"
+)
 OPENCV = np.diag([1.0, -1.0, -1.0])
 
 
-def render(path, cameras: shots.Cameras, folder, files=(), background=None):
+def render(path, cameras: shots.Cameras, folder, files=(), background=None, size=None):
     """Write renders and depth of all photos of cameras; returns what is told of it.
 
     files: all that these renders are made from, for `is_of`.
     folder: gets rgb/<view>.png and depth/<view>.npy, in the unit of the cameras.
     background: as of `photos.decode`; renders without one are before black.
+    size: the longest side of the photos that it was trained on, where that is known.
     Raises ValueError in one line for a file that is no splat, or one that does not show
     the photos from these cameras.
     """
@@ -64,11 +81,18 @@ def render(path, cameras: shots.Cameras, folder, files=(), background=None):
     few = some(seen, VIEWS)
     name, world, shows = world_of(path, gaussians, few, cameras)
     check_shown(path, gaussians, seen, world, shows)
-    known_px = trained_px(path)
-    longest_px = min(LONGEST_PX, known_px or LONGEST_PX)
+    known_px = size or trained_px(path, cameras)
+    longest_px = size or min(LONGEST_PX, known_px or LONGEST_PX)
     options = options_of(gaussians, few, world, longest_px)
-    size = few[0].size(longest_px)
-    log.info("%s: %d Gaussians, %dx%d px", path, len(gaussians.means), *size)
+    shape = few[0].size(longest_px)
+    log.info("%s: %d Gaussians, %dx%d px", path, len(gaussians.means), *shape)
+    if not known_px:
+        option = f"--size {max(shape) // 2}"
+        log.warning(
+            "no file says the size of the photos that it was trained on: if their "
+            "longest side is not %d px, add it, as in %s",
+            *(max(shape), provenance.typed(f'OPTIONS="{option}"', option)),
+        )
     log.info("its world: %s (likeness to the photos %.2f)", name, shows)
     with atomic.replace_folder(folder) as fresh:
         for inner in ("rgb", "depth"):
@@ -80,7 +104,7 @@ def render(path, cameras: shots.Cameras, folder, files=(), background=None):
             depth = np.where(made.alpha > 0.5, made.depth, np.inf) / scale_of(world)
             np.save(fresh / "depth" / f"{one.name}.npy", depth.astype(np.float32))
         told = {"gaussians": len(gaussians.means), "world": name, "likeness": shows}
-        told |= {"background": background, "trained_px": known_px}
+        told |= {"background": background, "trained_px": known_px, "size": size}
         there = filter(os.path.isfile, files)
         told["files"] = {originals.named(p): originals.described(p) for p in there}
         (fresh / TOLD).write_text(json.dumps(told, indent=1) + "\n")
@@ -94,8 +118,8 @@ def some(seen, count):
     return [seen[round(place)] for place in places]
 
 
-def is_of(folder, files, background=None):
-    """Whether a folder's renders are of files as they are now, before a background."""
+def is_of(folder, files, background=None, size=None):
+    """Whether a folder's renders are of files as they are now, made as is asked."""
     try:
         whole = json_files.read(Path(folder, TOLD), {"files": dict})
     except (OSError, ValueError):
@@ -103,7 +127,8 @@ def is_of(folder, files, background=None):
     told = whole["files"]
     names = {originals.named(path) for path in files if os.path.isfile(path)}
     return (
-        (names, background) == (told.keys(), whole.get("background"))
+        names == told.keys()
+        and (background, size) == (whole.get("background"), whole.get("size"))
         and all(isinstance(one, list) and len(one) == 3 for one in told.values())
         and not any(originals.is_other(path, before) for path, before in told.items())
     )
@@ -216,8 +241,7 @@ def check_shown(path, gaussians, seen, world, shows):
     if shows < likeness.SHOWS:
         raise ValueError(
             f"{path}: from these cameras it does not show the photos (likeness "
-            f"{shows:.2f}, {likeness.SHOWS} is asked): give the cameras of its own "
-            f"training, or nerfstudio's {NERFSTUDIO} beside it"
+            f"{shows:.2f}, {likeness.SHOWS} is asked): {WHERE_NONE_FITS}"
         )
 
 
@@ -237,6 +261,11 @@ def known_worlds(path, cameras):
     yield "as the cameras'", np.eye(4)
     if applied is not None:
         yield "without the cameras' applied_transform", back
+    # gsplat takes all cameras, also of photos that are not given.
+    every = camera_files.read(cameras.where) if cameras.left_out else cameras
+    if every.points is not None:
+        poses = [shot.pose for shot in every.shots]
+        yield from gsplat.worlds(poses, every.points[0]).items()
     if theirs := trained_by(path):
         world = similarity(cameras, theirs)
         if world is not None:
@@ -266,13 +295,16 @@ def trained_by(path):
     return None
 
 
-def trained_px(path):
+def trained_px(path, cameras):
     """The longest side of the photos that a splat was trained on; None where unknown.
 
     Rendered larger, it has less detail than the photos, which is no misalignment. 3DGS
     writes the size of the photos, and beside it how much smaller it has made them,
-    or taken them from images_4.
+    or taken them from images_4. gsplat writes how much smaller alone.
     """
+    for beside in above(path, GSPLAT):
+        if told := re.search(DIVIDED_BY, faults.text(beside), re.MULTILINE):
+            return max(max(shot.size) for shot in cameras.shots) // int(told[1])
     if not (theirs := trained_by(path)):
         return None
     width_px = max(shot.size[0] for shot in theirs.shots)

@@ -20,7 +20,7 @@ from tests import judged_cases as cases
 from tests import splat_cases
 
 LINE = re.compile(r"^    make judge ((?:.+\\\n)*.+)$", re.MULTILINE)
-KINDS = ("ply", "nerfstudio", "gsplat", "3dgs", "again")
+KINDS = ("ply", "nerfstudio", "3dgs", "again")
 SIZE, CAMTOPIX = cases.SIZE, cases.CAMTOPIX
 
 
@@ -93,16 +93,13 @@ def renders(kind, folder):
         image, split = cases.picture(i), "train" if i % 8 else "test"
         if kind == "nerfstudio":
             cases.write_png(folder / split / "rgb" / f"{name}.png", image)
-        elif kind == "gsplat":
-            both = np.concatenate([image, image], axis=1)
-            cases.write_png(folder / f"val_step29999_{i:04}.png", both)
         else:
             number = i - 1 if i % 8 else 0
             place = folder / split / "ours_30000" / "renders" / f"{number:05}.png"
             cases.write_png(place, image)
 
 
-@pytest.mark.parametrize("kind", ["ply", "nerfstudio", "gsplat", "3dgs"])
+@pytest.mark.parametrize("kind", ["ply", "nerfstudio", "3dgs"])
 def test_a_line_of_the_page_is_taken_as_it_stands(here, lines, capsys, kind):
     """Up to the config; the chain behind it is that of other tests."""
     words = lines[kind]

@@ -145,7 +145,6 @@ def test_a_command_is_that_of_the_user(here, monkeypatch):
         ("PHOTOS", "scan", "scan"),
         ("RENDERS", "renders/a.png", "renders"),
         ("CAMERAS", "scan/sparse/0", "scan/sparse/0"),
-        ("CAMERAS", "gone", "gone"),
     ],
 )
 def test_paths_of_a_judgement_mean_folders(here, key, given, meant):

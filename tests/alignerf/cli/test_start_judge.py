@@ -224,9 +224,12 @@ def test_a_config_cannot_compare_a_verdict_with_itself(here, runs):
     [
         ({"photos": ""}, "PHOTOS is missing"),
         ({"renders": ""}, "RENDERS is missing"),
-        ({"renders": "gone"}, "gone: no folder of renders"),
-        ({"cameras": "gone"}, "gone: no such file or folder of cameras"),
-        ({"photos": "gone"}, "gone: no folder of photos"),
+        ({"renders": "render"}, "RENDERS: render does not exist: renders does"),
+        ({"cameras": "gone"}, "CAMERAS: gone does not exist$"),
+        ({"photos": "foto"}, "PHOTOS: foto does not exist: photos does"),
+        ({"depth": "gone"}, "DEPTH: gone does not exist$"),
+        ({"renders": "", "splat": "a.spz"}, "SPLAT: a.spz does not exist$"),
+        ({"size": "500"}, "--size: goes with SPLAT alone"),
     ],
 )
 def test_what_is_missing_is_named(here, runs, changes, says):

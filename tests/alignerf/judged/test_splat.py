@@ -5,8 +5,9 @@ import json
 import cv2
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
-from alignerf.judged import camera_files, likeness, splat, views
+from alignerf.judged import camera_files, gsplat, likeness, splat, views
 from alignerf.scenes import photos as decode
 from alignerf.splats import ply, rasterize
 from tests import splat_cases
@@ -137,7 +138,7 @@ def test_the_cameras_of_its_training_tell_its_world(project):
     small = cv2.imread(str(folder / "small" / "rgb" / "v03.png"))
     # As large as the photos that it was trained on.
     assert small.shape[:2] == (SIZE[1] // 2, SIZE[0] // 2)
-    assert splat.trained_px(path) == max(SIZE) // 2
+    assert splat.trained_px(path, cameras) == max(SIZE) // 2
     # 3DGS writes the photos' own size, and how much smaller it has made them.
     for asked, taken, px in (
         *((-1, "images", 1), (1, "images", 1), (2, "images", 0.5)),
@@ -146,18 +147,115 @@ def test_the_cameras_of_its_training_tell_its_world(project):
     ):
         noted = f"Namespace(images='{taken}', resolution={asked}, source_path='a')"
         (folder / "cfg_args").write_text(noted)
-        assert splat.trained_px(path) == px * max(SIZE) // 2
+        assert splat.trained_px(path, cameras) == px * max(SIZE) // 2
     (folder / "cfg_args").unlink()
     (folder / "cameras.json").write_text("[{}]")
     with pytest.raises(ValueError, match="does not show the photos"):
         splat.render(path, cameras, folder / "again")
 
 
+def by_scipy(poses, points):
+    """gsplat's normalization, step by step, as its parser describes them."""
+    up = poses[:, :, 1].mean(axis=0)
+    axis = np.cross(up, [0, -1, 0])
+    angle = np.arccos(np.clip(-up[1] / np.linalg.norm(up), -1, 1))
+    turn = Rotation.from_rotvec(axis / np.linalg.norm(axis) * angle)
+    at, ahead = turn.apply(poses[:, :, 3]), turn.apply(-poses[:, :, 2])
+    nearest = [one - (one @ way) * way for one, way in zip(at, ahead, strict=True)]
+    middle = np.median(nearest, axis=0)
+    scale = 1 / np.median([np.linalg.norm(one - middle) for one in at])
+    first = similarity(scale, turn.as_matrix(), -scale * middle)
+    points = points @ first[:3, :3].T + first[:3, 3]
+    centre = np.median(points, axis=0)
+    axes = np.linalg.svd(points - points.mean(axis=0))[2]
+    axes[0] *= np.linalg.det(axes)
+    return similarity(1, axes, -axes @ centre) @ first
+
+
+def turned_poses(rng, count):
+    turns = Rotation.random(count, rng=rng).as_matrix()
+    return np.concatenate([turns, rng.normal(size=(count, 3, 1))], axis=-1)
+
+
+@pytest.mark.parametrize("seed", range(8))
+def test_the_world_of_gsplat_is_one_of_four_half_turns(seed):
+    rng = np.random.default_rng(seed)
+    poses = turned_poses(rng, rng.integers(3, 30))
+    points = rng.normal(size=(100, 3)) * rng.uniform(0.1, 5, 3) + rng.normal(size=3)
+    points = Rotation.random(rng=rng).apply(points)
+    found = gsplat.worlds(poses, points)
+    assert len(found) == 4
+    wanted = by_scipy(poses, points)
+    assert min(np.abs(one - wanted).max() for one in found.values()) < 1e-9
+    assert all(np.linalg.det(one[:3, :3]) > 0 for one in found.values())
+
+
+def test_cameras_and_points_that_gsplat_cannot_normalize_have_none_of_its_worlds():
+    poses, points = np.eye(4)[None, :3], np.random.default_rng(0).normal(size=(9, 3))
+    assert gsplat.worlds(poses, points) == {}
+    poses = turned_poses(np.random.default_rng(0), 5)
+    assert gsplat.worlds(poses, points[:3]) == {}
+    assert gsplat.worlds(poses, points * np.nan) == {}
+
+
+@pytest.mark.parametrize("which", range(4))
+def test_a_splat_of_gsplat_is_shown_as_it_comes(project, which):
+    """By all cameras of the file, also those whose photos are not given."""
+    write, photos, folder = project
+    turned = similarity(2.0, TURN, (3, 1, 2))
+    rng = np.random.default_rng(which)
+    points = rng.uniform([-2, -1.5, -6], [2, 1.5, -4], (50, 3)) * [1, 0.7, 1.2]
+    points = points @ turned[:3, :3].T + turned[:3, 3]
+    xyz = dict(zip("xyz", points.T, strict=True))
+    splat_cases.write(folder / "points.ply", xyz)
+    frames = json.loads((folder / "transforms.json").read_text())["frames"]
+    for frame in frames:
+        pose = turned @ np.array(frame["transform_matrix"])
+        pose[:3, :3] /= 2
+        frame["transform_matrix"] = pose.tolist()
+    more = {"frames": frames, "ply_file_path": "points.ply"}
+    _, cameras = write(similarity(), **more)
+    poses = [shot.pose for shot in cameras.shots]
+    name, world = list(gsplat.worlds(poses, cameras.points[0]).items())[which]
+    photos["v00"].unlink()
+    path, cameras = write(world @ turned, **more)
+    assert splat.render(path, cameras, folder / "made")["world"] == name
+    render = cv2.imread(str(folder / "made" / "rgb" / "v03.png")).astype(int)
+    assert np.abs(render - cv2.imread(str(photos["v03"]))).max() <= 2
+
+
+def test_the_size_of_training_is_told_or_noted(project, caplog):
+    """gsplat notes a divisor; where no file says it, the user may."""
+    write, _photos, folder = project
+    path, cameras = write(similarity())
+
+    def width(name, **more):
+        splat.render(path, cameras, folder / name, [path], **more)
+        return cv2.imread(str(folder / name / "rgb" / "v03.png")).shape[1]
+
+    assert width("whole") == SIZE[0]
+    assert "--size 48" in caplog.text
+    caplog.clear()
+    assert width("told", size=32) == 32
+    assert splat.is_of(folder / "told", [path], size=32)
+    assert not splat.is_of(folder / "told", [path])
+    (folder / "cfg.yml").write_text("ckpt: null\ndata_factor: 2\nport: 8080\n")
+    assert width("noted") == SIZE[0] // 2
+    assert "no file says" not in caplog.text
+
+
 def test_cameras_of_another_scene_are_refused_in_one_line(project):
     write, _photos, folder = project
     path, cameras = write(similarity(turn=TURN, shift=(40, 0, 0)))
-    with pytest.raises(ValueError, match=r"does not show the photos \(likeness"):
+    with pytest.raises(ValueError, match=r"does not show the photos \(likeness") as no:
         splat.render(path, cameras, folder / "made")
+    for help in (
+        "cameras.json",
+        "dataparser_",
+        "--no-normalize-world-space",
+        "RENDERS",
+    ):
+        assert help in str(no.value)
     assert not (folder / "made").exists()
 
 
