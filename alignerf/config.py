@@ -8,9 +8,9 @@ planning, `--schema` prints the schema of `workflow/schemas/config.schema.yaml`.
 import yaml
 from pydantic import json_schema
 
-from alignerf.experiment import check, jobs
+from alignerf.experiment import check
 from alignerf.experiment.keys import config as config_keys
-from alignerf.io import atomic, faults, yaml_files
+from alignerf.io import atomic, faults, json_files, yaml_files
 
 HEAD = "# Every key of a config, made by `python -m alignerf.config --schema`.\n"
 
@@ -35,7 +35,7 @@ def main(argv=None):
         config = yaml_files.read(args.check)
         check.checked({} if config is None else config, [args.check])
     if args.config:
-        config = jobs.read(args.config)
+        config = json_files.of_config(args.config)
         check.checked(config)
         with atomic.replace_file(args.out) as path:
             path.write_text(as_yaml(config))

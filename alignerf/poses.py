@@ -13,12 +13,10 @@ from pathlib import Path
 import numpy as np
 
 from alignerf.captures import base
-from alignerf.captures import photos as of_photos
 from alignerf.colmap import crops, loading
 from alignerf.courtyard import truth
-from alignerf.experiment import jobs
 from alignerf.experiment.checks import scenes as of_scenes
-from alignerf.io import atomic, faults, owned
+from alignerf.io import atomic, faults, json_files, owned
 from alignerf.judged import originals
 from alignerf.scenes import cameras, held_out, prepare, prepared
 from alignerf.sfm import calibration, checking, matches, mistakes
@@ -95,7 +93,7 @@ def main(config, out, whole=None, cameras=None, places=None, adjust=False):
         files = [*originals.of_views(config, full), *told.pop("files", ())]
         outer = [path for path in files if scratch not in Path(path).parents]
         originals.write(fresh, outer)
-        told["photos_alone"] = of_photos.alone(outer)
+        told["photos_alone"] = originals.alone(outer)
         for path in (scratch / prepared.BESIDE).glob("*"):
             atomic.move(path, fresh / "images" / path.name)
         if (scratch / "colmap").is_dir():
@@ -304,4 +302,4 @@ def publish(fresh, out):
 
 if __name__ == "__main__":
     values = vars(faults.arguments(None, __doc__, OPTIONS))
-    faults.run(lambda: main(jobs.read(values.pop("config")), **values))
+    faults.run(lambda: main(json_files.of_config(values.pop("config")), **values))

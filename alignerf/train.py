@@ -13,7 +13,7 @@ from pathlib import Path
 import jax
 
 from alignerf.contributions import patch_conv
-from alignerf.experiment import decisions, jobs
+from alignerf.experiment import jobs
 from alignerf.io import atomic, faults, machine
 from alignerf.methods import base
 from alignerf.processes import devices
@@ -48,7 +48,7 @@ def main(argv=None):
     args = faults.arguments(argv, __doc__, OPTIONS)
     machine.limit(args.threads)
     devices.take_accelerator()
-    job = decisions.read_job(args.config)
+    job = jobs.read(args.config)
     if Path(args.timing).is_dir():
         # Else it is said after the training, which is hours.
         raise ValueError(f"{args.timing}: a folder, where a file is to be written")

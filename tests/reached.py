@@ -39,6 +39,9 @@ def importers():
         for path in (ROOT / top).rglob("*.py"):
             for file in filter(None, map(sources.file_of, set(sources.imports(path)))):
                 found[file].add(path)
+            if "extensions.registered(" in path.read_text():
+                for record in path.parent.glob("*.py"):
+                    found[record].add(path)
     return found
 
 

@@ -310,8 +310,7 @@ READERS = {
 }
 # What ships with the program.
 SHIPPED = {
-    "alignerf.experiment.sources": {"read_bytes", "read_text"},
-    "alignerf.io.environment.extensions": {"read_bytes"},
+    "alignerf.experiment.sources": {"read_bytes"},
     "alignerf.kernels.compiler": {"read_bytes"},
     "alignerf.cli.folders": {"read_text"},
     "alignerf.tables.columns": {"read_text", "yaml.safe_load"},
@@ -331,7 +330,7 @@ LOGS = {
 }
 # No files: options of commands, and what processes of ours tell each other.
 TOLD = (
-    *("alignerf.experiment.jobs", "alignerf.external.commands"),
+    "alignerf.external.commands",
     *("alignerf.exports.written", "alignerf.verdict.__main__"),
     *("alignerf.costs.__main__", "alignerf.experiment.tables.rows"),
     "flow.figures.scene",

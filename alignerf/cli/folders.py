@@ -13,7 +13,6 @@ from pathlib import Path
 import numpy as np
 
 from alignerf.captures import base, typed
-from alignerf.captures import photos as of_photos
 from alignerf.colmap import video
 from alignerf.experiment import sources, targets
 from alignerf.experiment.checks import names
@@ -104,7 +103,7 @@ def count_of(scene):
     if base.every()[scene["source"]].poses[0] != BY_COLMAP or not path.is_dir():
         return None
     inside = photo_names.photos_of([p.name for p in path.iterdir() if p.is_file()])
-    taken = [path / name for name in inside if of_photos.is_taken(path / name)]
+    taken = [path / name for name in inside if video.is_taken(path / name)]
     stems = {p.stem for p in taken if p.suffix.lower() in photos.SUFFIXES}
     films = [p for p in taken if p.suffix.lower() in video.SUFFIXES]
     if any(film.stem not in stems for film in films):

@@ -95,7 +95,7 @@ def stale(experiment, scene, exports):
     digest, made, found = opened(experiment.scenes[scene], file.parent), {}, []
     for rule, of, log, outputs in stages(experiment, scene, exports):
         step = getattr(rules, rule).make(types.SimpleNamespace(**of))
-        code = sources.sources_of(*(step.modules or step.command[:1]))
+        code = sources.sources_of(*step.modules)
         command = [*map(str, step.command)]
         # Of single files that a stage reads besides, as results to compare with.
         own = originals.digest(file.parent, filter(None, step.own.values()))

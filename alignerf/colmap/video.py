@@ -42,6 +42,12 @@ OF_QUICKTIME = (b"ftyp", b"moov", b"mdat", b"wide", b"free", b"skip", b"pnot", b
 MATROSKA = b"\x1a\x45\xdf\xa3"
 
 
+def is_taken(path):
+    """Whether a file is a photo or a film, by its name."""
+    suffixes = photos.SUFFIXES | SUFFIXES
+    return path.suffix.lower() in suffixes and not path.name.startswith(".")
+
+
 def find(folder):
     """Paths of the videos in a folder, sorted; a video's own path is that alone."""
     if not Path(folder).is_dir():

@@ -34,7 +34,7 @@ def main(argv=None):
     machine.limit(args.threads)
     devices.take_accelerator()
     started = time.time() if args.started is None else args.started
-    job = jobs.parse(jobs.read(args.config))
+    job = jobs.read(args.config)
     if program.hashed(job.model):
         devices.use_as_devices()
     print(json.dumps(rates_of(job, prepared.load(args.scene), started)._asdict()))

@@ -73,7 +73,7 @@ def as_json(experiment, scene):
 
 def job_of(one) -> jobs.Job | None:
     """The job of a training with its decided settings; None of another program's."""
-    return one["job"] and jobs.parse(decisions.fill(one["job"]))
+    return one["job"] and jobs.parse(jobs.fill(one["job"]))
 
 
 def program_of(job: jobs.Job):

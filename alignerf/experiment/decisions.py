@@ -2,7 +2,7 @@
 
 `alignerf.facts` writes decisions.json: each key with its default, its value, the reason
 and the facts behind it. A config with `decide: true` takes the decisions for all keys
-that it leaves out.
+that it leaves out (`jobs.fill`).
 
 Notation: lengths are in units of the largest camera coordinate, as `near` is. The
 constants were chosen on courtyard, seed 1, and fox; docs/evidence/fixes.md shows what
@@ -12,11 +12,10 @@ they bring on other scenes.
 import math
 from typing import Any, NamedTuple
 
-from alignerf.experiment import jobs, schema
 from alignerf.experiment.keys import scene as scene_keys
 from alignerf.experiment.keys import training as training_keys
 from alignerf.io import json_files
-from alignerf.systems import mipnerf360
+from alignerf.systems import base
 
 # Of the nearest point's distance: COLMAP's points are corners, smooth surfaces may be
 # nearer.
@@ -38,7 +37,7 @@ OF_DOWNSCALE = ("photo_width_px", "photo_height_px", "views")
 
 
 # Keys that may be null in a complete config, besides `downscale`.
-OPEN = (*mipnerf360.USUAL, "steps")
+OPEN = (*base.USUAL, "steps")
 
 
 class Decision(NamedTuple):
@@ -81,7 +80,7 @@ def downscale(facts):
 
 def near(facts):
     """The first sample lies a little before the nearest point."""
-    default = mipnerf360.USUAL["near"]
+    default = base.USUAL["near"]
     nearest = facts["nearest"]
     if not known(nearest):
         return unknown("model.near", default, facts, ["nearest"])
@@ -99,7 +98,7 @@ def radius(facts):
 
     Of a forward-facing capture, all of it would be contracted.
     """
-    default = mipnerf360.USUAL["radius"]
+    default = base.USUAL["radius"]
     nearest = facts["nearest"]
     if not known(nearest):
         return unknown("model.radius", default, facts, ["nearest"])
@@ -111,7 +110,7 @@ def radius(facts):
 
 def max_resolution(facts):
     """The finest cells are what a pixel covers at the median depth."""
-    default = mipnerf360.USUAL["max_resolution"]
+    default = base.USUAL["max_resolution"]
     names = ("pixel_angle_mrad", "median_depth")
     used = {name: facts[name] for name in names}
     if not all(map(known, used.values())):
@@ -176,36 +175,6 @@ def line(decision):
     changed = decision.value != decision.default
     usual = f"default {decision.default:g}" if changed else "the default"
     return f"suggested: {name} {value} ({usual}): {decision.reason}"
-
-
-def read_job(text) -> jobs.Job:
-    """The job of a JSON object, or of its file, with the decided settings."""
-    return jobs.parse(fill(jobs.read(text)))
-
-
-def fill(values):
-    """A job's mapping whose open keys are filled from its decisions.json.
-
-    A stage that takes a share of the steps takes the same share of those decided, and
-    a warm-up of its own keeps its share. Raises ValueError where the file is missing,
-    or does not say what the job needs.
-    """
-    path = values.get("decisions")
-    if not path:
-        return values
-    decisions, job = read(path), schema.check(jobs.class_of(values), values)
-    found = {name: one(decisions, name, path).value for name in job.model.open}
-    if "near" in found:
-        # A config may say how far it sees.
-        found["near"] = min(found["near"], job.model.far / 2)
-    training = job.training
-    if job.scaled:
-        times = one(decisions, "steps", path).value / training_keys.USUAL_STEPS
-        lengths = {"steps": training.steps, "warmup_steps": training.warmup_steps}
-        lengths = {k: v and max(1, round(times * v)) for k, v in lengths.items()}
-        training = training.model_copy(update=lengths)
-    decided = {"model": job.model.closed(found), "training": training}
-    return values | decided | {"decisions": None, "scaled": False}
 
 
 def one(decisions, name, path):

@@ -5,12 +5,11 @@ training (`jobs` of `methods.base.Method`).
 """
 
 import functools
-import json
 import math
 from typing import ClassVar, Literal
 
 from alignerf import methods
-from alignerf.experiment import schema
+from alignerf.experiment import decisions, schema
 from alignerf.experiment.keys import model as model_keys
 from alignerf.experiment.keys import training as training_keys
 from alignerf.experiment.keys.key import Keys, key
@@ -114,17 +113,35 @@ class Full(Job):
     stage: Literal["full"] = key("full")
 
 
-def read(text):
-    """A stage's slice of the config: a JSON object, or the path of a file of one."""
-    if not text.lstrip().startswith("{"):
-        text = faults.text(text)
-    try:
-        found = json.loads(text)
-    except (json.JSONDecodeError, RecursionError) as error:
-        raise ValueError(f"--config is not JSON: {error}") from None
-    if not isinstance(found, dict):
-        raise ValueError("--config must be a JSON object")
-    return found
+def read(text) -> Job:
+    """The job of a JSON object, or of its file, with the decided settings."""
+    return parse(fill(json_files.of_config(text)))
+
+
+def fill(values):
+    """A job's mapping whose open keys are filled from its decisions.json.
+
+    A stage that takes a share of the steps takes the same share of those decided, and
+    a warm-up of its own keeps its share. Raises ValueError where the file is missing,
+    or does not say what the job needs.
+    """
+    path = values.get("decisions")
+    if not path:
+        return values
+    known, job = decisions.read(path), schema.check(class_of(values), values)
+    found = {name: decisions.one(known, name, path).value for name in job.model.open}
+    if "near" in found:
+        # A config may say how far it sees.
+        found["near"] = min(found["near"], job.model.far / 2)
+    training = job.training
+    if job.scaled:
+        steps = decisions.one(known, "steps", path).value
+        times = steps / training_keys.USUAL_STEPS
+        lengths = {"steps": training.steps, "warmup_steps": training.warmup_steps}
+        lengths = {k: v and max(1, round(times * v)) for k, v in lengths.items()}
+        training = training.model_copy(update=lengths)
+    decided = {"model": job.model.closed(found), "training": training}
+    return values | decided | {"decisions": None, "scaled": False}
 
 
 def parse(values) -> Job:

@@ -12,7 +12,6 @@ import re
 from alignerf import methods
 from alignerf.captures import base
 from alignerf.experiment import layout, trainings
-from alignerf.experiment.keys import scene as scene_keys
 from alignerf.io import json_files
 
 
@@ -196,6 +195,16 @@ class Experiment:
         """The record of a scene's source."""
         return base.of(self.scenes[scene])
 
+    def source_of(self, scene):
+        """The module of the record of a scene's source."""
+        return type(base.every()[self.scenes[scene].source]).__module__
+
+    def records_of(self, training):
+        """Modules of the records that a training runs: of its method, and its own."""
+        method = self.methods.get(training.owner)
+        of_method = methods.parts_of(method) if method else []
+        return [*training.records, *(type(one).__module__ for one in of_method)]
+
     def parent(self, scene):
         """The scene that a scene's crops are of; None of other scenes."""
         return self.capture(scene).parent(self.scenes[scene])
@@ -265,9 +274,7 @@ def scene_config(experiment, name):
     """What the poses of a scene depend on: not how long it is trained."""
     scene = experiment.scenes[name]
     capture = experiment.capture(name)
-    unused = {"steps", "budget_min", "published"} | (
-        scene_keys.SECTIONS.keys() - {capture.name}
-    )
+    unused = {"steps", "budget_min", "published"} | scene.foreign
     if scene.poses == "truth" and not scene.triangulate:
         unused.add("colmap")
     # Where a `false` changes what is done, the stage has to be told.
@@ -285,9 +292,15 @@ def complete_config(experiment, name):
     """The whole config of a scene, as it could be run alone."""
     parent = experiment.parent(name) or name
     found = {one: experiment.scenes[one] for one in (parent, *experiment.crops(parent))}
+    # A new record changes nothing that was made without it.
+    unused = {
+        "scenes": {one: scene.foreign for one, scene in found.items()},
+        "methods": {one: methods.unused(m) for one, m in experiment.methods.items()},
+    }
     found = experiment.config.model_copy(update={"scenes": found})
     # The order of models and methods has a meaning: tables and defaults follow it.
-    return json.dumps(found.model_dump(exclude={"small", "full_size"}))
+    unused |= {"small": True, "full_size": True}
+    return json.dumps(found.model_dump(exclude=unused))
 
 
 def folders(experiments):

@@ -6,6 +6,7 @@ A change of the code, or of the libraries' versions, reruns the job.
 import ast
 import functools
 import hashlib
+import importlib.util
 import os
 import sys
 from pathlib import Path
@@ -29,9 +30,9 @@ ACCELERATORS = int(machine.has_accelerator())
 # alignerf/processes/devices.py).
 OF_TRAINING = WHOLE_MACHINE if ACCELERATORS else min(max(WHOLE_MACHINE // 2, 1), 4)
 
-# {module: registry}: who imports the module runs the registry's records, which are
-# imported by name.
-RECORDS = {"alignerf.colmap.loading": "alignerf.captures"}
+# {registry: group of entry points} of those whose every record runs where the registry
+# is imported. Of the others a job runs a few, which its `Step` names.
+RUN_WHOLE = {"alignerf.causes": "causes", "alignerf.testsets": "test_sets"}
 
 # Compiled JAX programs.
 CACHE = Path("results/.jax_cache")
@@ -41,41 +42,37 @@ DATA = (".html", ".css", ".js", ".yaml", ".cc", ".h")
 
 @functools.cache
 def sources_of(*modules):
-    """SHA-256 of all that `python -m module` runs, for each of the modules.
-
-    Those are the module's own sources, what they import of this project, what other
-    packages add to it, and the pins of all libraries.
-    """
+    """SHA-256 of all that the modules run, and of the pins of all libraries."""
     digest = hashlib.sha256()
     for path in sorted({path for module in modules for path in reached(module)}):
         digest.update(path.read_bytes())
         for beside in data_beside(path):
             digest.update(beside.read_bytes())
-    digest.update(extensions.digest())
     if (ROOT / LOCK).is_file():
         digest.update((ROOT / LOCK).read_bytes())
     return digest.hexdigest()[:16]
 
 
 def reached(module):
-    """Files of this project that a module imports, directly or not, and its own."""
-    todo, seen = [module, f"{module}.__main__"], set()
+    """Files that a module imports, directly or not, and its own.
+
+    Of this project, and of packages that add to it.
+    """
+    todo, seen = [module, f"{module}.__main__"], {}
     while todo:
         name = todo.pop()
         path = file_of(name)
-        if path is None or path in seen:
+        if path is None or name in seen:
             continue
-        seen.add(path)
-        todo += modules_of(RECORDS[name]) if name in RECORDS else []
-        # Importing a module runs the packages that it lies in.
-        todo += [*imports(path), *([name.rpartition(".")[0]] if "." in name else [])]
-    return seen
-
-
-def modules_of(package):
-    """Names of the modules in a package's folder."""
-    inside = sorted(file_of(package).parent.glob("*.py"))
-    return [f"{package}.{path.stem}" for path in inside]
+        seen[name] = path
+        package = name.removesuffix(".__init__").rpartition(".")[0]
+        # Importing a module runs the packages that it lies in, but no records of these.
+        todo += [f"{package}.__init__"] if package else []
+        todo += imports(path, name if path.name == "__init__.py" else package)
+        if name in RUN_WHOLE:
+            todo += [f"{name}.{one.stem}" for one in path.parent.glob("*.py")]
+            todo += [point.module for point in extensions.points(RUN_WHOLE[name])]
+    return {*seen.values()}
 
 
 def data_beside(path):
@@ -87,10 +84,14 @@ def data_beside(path):
 
 
 def file_of(module):
-    """The file of a module of this project; None of any other."""
-    path = ROOT / Path(*module.split("."))
-    path = path / "__init__.py" if path.is_dir() else path.with_suffix(".py")
-    return path if path.is_file() else None
+    """The file of a module; None of one neither here nor of a package that adds."""
+    parts = module.split(".")
+    for root in filter(None, (ROOT, extensions.root_of(parts[0]))):
+        path = root.joinpath(*parts)
+        path = path / "__init__.py" if path.is_dir() else path.with_suffix(".py")
+        if path.is_file():
+            return path
+    return None
 
 
 # Where a statement has others in it.
@@ -98,23 +99,20 @@ BLOCKS = ("body", "orelse", "finalbody", "handlers", "cases")
 
 
 @functools.cache
-def imports(path):
-    """Names of the modules that a file imports, and of what it takes from them."""
-    text = path.read_text()
-    modules, todo = [], [ast.parse(text)]
-    # A registry imports all modules of its folder.
-    if path.name == "__init__.py" and "extensions.registered(" in text:
-        package = ".".join(path.parent.relative_to(ROOT).parts)
-        modules += [f"{package}.{one.stem}" for one in path.parent.glob("*.py")]
+def imports(path, package=""):
+    """Names of the modules that a file imports; package: the one that it is in."""
+    modules, todo = [], [ast.parse(path.read_bytes())]
     while todo:
         node = todo.pop()
         if getattr(getattr(node, "test", None), "id", "") == "TYPE_CHECKING":
             continue
         if isinstance(node, ast.Import):
             modules += [alias.name for alias in node.names]
-        elif isinstance(node, ast.ImportFrom) and node.level == 0:
-            modules.append(node.module)
-            modules += [f"{node.module}.{alias.name}" for alias in node.names]
+        elif isinstance(node, ast.ImportFrom):
+            name = "." * node.level + (node.module or "")
+            name = importlib.util.resolve_name(name, package)
+            inside = [f"{name}.{alias.name}" for alias in node.names]
+            modules += [full if file_of(full) else name for full in inside]
         # Of statements alone: expressions are most of a file, and import nothing.
         for name in BLOCKS:
             block = getattr(node, name, None)

@@ -4,23 +4,29 @@ import types
 from collections.abc import Mapping
 from typing import NamedTuple
 
+from alignerf.io.environment import extensions
+
 
 class Step(NamedTuple):
     """What a job runs, what it reads, and what it asks for.
 
     command: a module and its options. inputs: {name: path, or several}, below results/;
-    None is left out. own: the same of a user's files, which lie in no storage. modules:
-    those whose code the job runs; without any, the command's. memory_mb: None takes
-    the usual.
+    None is left out. own: the same of a user's files, which lie in no storage. records:
+    modules of registries' records that the job runs. memory_mb: None takes the usual.
     """
 
     command: list
     inputs: dict
     own: Mapping = types.MappingProxyType({})
-    modules: tuple = ()
+    records: tuple | list = ()
     threads: int = 1
     gpu: int = 0
     memory_mb: int | None = None
+
+    @property
+    def modules(self):
+        """All that it runs."""
+        return [self.command[0], *self.records]
 
 
 def words(module, **options):
@@ -36,6 +42,11 @@ def words(module, **options):
         entries = value if isinstance(value, list | tuple) else [value]
         command += [] if value is True else map(str, entries)
     return command
+
+
+def estimator_of(experiment):
+    """The module of the flow's estimator, if it is another package's."""
+    return extensions.modules("estimators", experiment.config.flow.estimator)
 
 
 def flow_options(experiment):

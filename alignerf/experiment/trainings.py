@@ -7,6 +7,7 @@ over `Training.after`.
 from typing import Any, NamedTuple
 
 from alignerf.experiment import layout
+from alignerf.io.environment import extensions
 
 
 class Training(NamedTuple):
@@ -68,10 +69,12 @@ class Training(NamedTuple):
         return self._replace(folder="")
 
     @property
-    def modules(self):
-        """Modules of the code that it runs; `train` imports the job's own by name."""
-        own = [self.job.part.partition(":")[0]] if self.job.part else []
-        return ["alignerf.train", *own]
+    def records(self):
+        """Modules that what runs its job imports by name: its classes, and its part."""
+        job, aligns = self.job, self.job.aligns
+        part = [job.part.partition(":")[0]] if job.part else []
+        own = extensions.modules("estimators", aligns.estimator) if aligns else []
+        return [type(job).__module__, type(job.model).__module__, *part, *own]
 
     @property
     def warped(self):

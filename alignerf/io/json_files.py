@@ -56,6 +56,19 @@ def canonical(value):
     return json.dumps(value, sort_keys=True)
 
 
+def of_config(text):
+    """A stage's slice of the config: a JSON object, or the path of a file of one."""
+    if not text.lstrip().startswith("{"):
+        text = faults.text(text)
+    try:
+        found = json.loads(text)
+    except (json.JSONDecodeError, RecursionError) as error:
+        raise ValueError(f"--config is not JSON: {error}") from None
+    if not isinstance(found, dict):
+        raise ValueError("--config must be a JSON object")
+    return found
+
+
 def read(path, kinds=None):
     """The object in a file.
 

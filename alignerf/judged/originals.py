@@ -4,12 +4,15 @@ A photo that was overwritten in its place would go out with the cameras of anoth
 the workflow engine looks at the time of its folder alone.
 """
 
+import collections
+import contextlib
 import hashlib
 import json
 import os
 from pathlib import Path
 
 from alignerf.captures import base
+from alignerf.colmap import video
 from alignerf.io import faults, json_files
 from alignerf.judged import camera_files
 
@@ -97,3 +100,16 @@ def check(scene):
             f"{faults.some_names(found)}: changed since the cameras of {scene} were "
             "found: put it back, or run the command that has made these results again"
         )
+
+
+def alone(paths):
+    """The folder of most photos among the paths, if no cameras lie there; else None."""
+    found = (path for path in map(Path, paths) if video.is_taken(path))
+    # Masks come after the photos, and are no more.
+    usual = collections.Counter(path.parent for path in found).most_common(1)
+    for folder, _ in usual:
+        with contextlib.suppress(ValueError, OSError):
+            record = base.detected(folder)
+            is_alone = record and record.poses == ("colmap",)
+            return named(folder) if is_alone else None
+    return None

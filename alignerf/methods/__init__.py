@@ -23,6 +23,11 @@ def parts_of(method):
     return found or [one for one in every() if one.key is None]
 
 
+def unused(method):
+    """Keys of records that a method of the config is not of."""
+    return {o.key for o in every() if o.key and not getattr(method, o.key)}
+
+
 def of_method(method):
     """The record of a method; where it has several, the last one trains it."""
     return parts_of(method)[-1]

@@ -21,6 +21,8 @@ BEHIND_OR_OPAQUE = (
     f"{BEHIND}; null: the scene's own `background`, else unknown: a ray ends opaque. A "
     "mip-NeRF 360 with one learns from squared errors, without distortion_weight"
 )
+# Of keys that are null, where no scene's facts decide them.
+USUAL = {"near": 0.2, "radius": 1.0, "max_resolution": 2048}
 # What no machine is asked for: parameters and all of their training.
 MAX_BYTES = 2**38
 

@@ -7,8 +7,6 @@ import pydantic
 from alignerf.experiment.keys.key import Keys, key
 from alignerf.systems import base
 
-# Of keys that are null, where no scene's facts decide them.
-USUAL = {"near": 0.2, "radius": 1.0, "max_resolution": 2048}
 OF_PROPOSAL = 1024
 # Of a field that contracts nothing, in units of the largest camera coordinate.
 MAX_FAR = 100
@@ -31,8 +29,8 @@ class Grid(Keys):
     base_resolution: int = key(16, "cells a side", least=2, most=2**20)
     max_resolution: int | None = key(
         None,
-        f"cells a side; null: {USUAL['max_resolution']}, or what `decide` makes of it, "
-        f"of a proposal {OF_PROPOSAL}",
+        f"cells a side; null: {base.USUAL['max_resolution']}, or what `decide` makes "
+        f"of it, of a proposal {OF_PROPOSAL}",
         least=2,
         most=2**20,
     )
@@ -101,7 +99,7 @@ class Model(base.System):
     kind: Literal["mipnerf360"] = key("mipnerf360", "proposals, in contracted space")
     near: float | None = key(
         None,
-        f"{base.NEAR}; null: {USUAL['near']:g}, or what `decide` makes of it",
+        f"{base.NEAR}; null: {base.USUAL['near']:g}, or what `decide` makes of it",
         above=0,
         most=1e6,
     )
@@ -109,7 +107,7 @@ class Model(base.System):
     radius: float | None = key(
         None,
         "of the ball that is not contracted, in units of the largest camera "
-        f"coordinate; null: {USUAL['radius']:g}, or what `decide` makes of it",
+        f"coordinate; null: {base.USUAL['radius']:g}, or what `decide` makes of it",
         above=0,
         most=1e6,
     )
@@ -141,10 +139,12 @@ class Model(base.System):
         # Only a grid has cells; a field of points contracts nothing.
         parts = {"near": self, "max_resolution": self.field}
         parts |= {"radius": self} if self.field.kind != "nerf" else {}
-        return [name for name in USUAL if getattr(parts.get(name), name, 0) is None]
+        return [
+            name for name in base.USUAL if getattr(parts.get(name), name, 0) is None
+        ]
 
     def closed(self, values):
-        values, found = USUAL | values, {}
+        values, found = base.USUAL | values, {}
         for name in ("near", "radius"):
             if getattr(self, name) is None:
                 found[name] = values[name]

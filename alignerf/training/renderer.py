@@ -12,7 +12,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from alignerf.contributions import strips
-from alignerf.experiment import decisions
+from alignerf.experiment import jobs
 from alignerf.scenes import cameras, prepared
 from alignerf.training import checkpoint, compose, memory
 
@@ -28,7 +28,7 @@ STRIP_PIXELS = 65536
 
 def read_model(config, model, loaded: prepared.Scene):
     """(method, its parameters) of a job as JSON, or its file, from the model's file."""
-    job = decisions.read_job(config)
+    job = jobs.read(config)
     method = compose.make_method(job, loaded, to_train=False)
     template = jax.eval_shape(method.init, jax.random.key(0))
     params = checkpoint.read_params(model, template)

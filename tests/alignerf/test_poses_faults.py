@@ -11,8 +11,7 @@ import pytest
 from PIL import Image
 
 from alignerf import poses
-from alignerf.experiment import jobs
-from alignerf.io import faults, images
+from alignerf.io import faults, images, json_files
 
 
 @pytest.fixture(scope="module")
@@ -112,7 +111,9 @@ def test_every_fault_is_one_line_and_leaves_nothing(tmp_path, capsys):
         text = config if isinstance(config, str) else json.dumps(config)
         out = tmp_path / "results" / "scene"
         with pytest.raises(SystemExit) as stopped:
-            faults.run(lambda text=text, out=out: poses.main(jobs.read(text), out))
+            faults.run(
+                lambda text=text, out=out: poses.main(json_files.of_config(text), out)
+            )
         assert stopped.value.code == 1
         lines = [line for line in capsys.readouterr().err.splitlines() if line]
         errors = [line for line in lines if line.startswith("error: ")]
@@ -178,4 +179,4 @@ def test_a_pipe_is_not_waited_for(tmp_path):
     """Found by the torture: the command waited without end."""
     os.mkfifo(tmp_path / "pipe")
     with pytest.raises(ValueError, match="pipe: not a file"):
-        jobs.read(str(tmp_path / "pipe"))
+        json_files.of_config(str(tmp_path / "pipe"))

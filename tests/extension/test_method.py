@@ -8,7 +8,7 @@ COUNTED = """
 import json, pytest, yaml
 from alignerf import config, methods
 from alignerf.costs import estimate as costs
-from alignerf.experiment import check, plan, sources, targets
+from alignerf.experiment import check, plan, targets
 from alignerf.experiment.tables import rows
 
 def checked(its):
@@ -25,7 +25,6 @@ def fault(its):
 experiment = plan.Experiment(checked({}))
 work = costs.of_scene(experiment, "courtyard")
 table = {row.method: row for row in rows.of_scene(experiment, "courtyard")}
-reached = {path.name for path in sources.reached("alignerf.train")}
 print(json.dumps({
     "schema": yaml.safe_load(config.schema_text())["$defs"]["Settings"]["properties"],
     "label": table["its"].description,
@@ -34,7 +33,6 @@ print(json.dumps({
     "faults": [fault({"share": 2}), fault({"first": 0.9}), fault({"shar": 0.3})],
     "exports": [path for path in targets.exports(experiment) if "/its/" in path],
     "work": [one for one in work["trainings"] if one["name"] == "its/round0"],
-    "reached": "corrected.py" in reached,
 }))
 """
 EVERY = """
@@ -66,7 +64,6 @@ def test_a_method_is_planned_costed_said_and_exported(run):
     (work,) = told["work"]
     assert work["after"] == ["plain/round0"]
     assert work["job"]["training"]["steps"] == 1000
-    assert told["reached"]
     share, first, unknown = told["faults"]
     assert share.startswith("config: methods.its.corrected.share: 2 should be less")
     assert first.startswith("config: methods.its.corrected.first: less than share")

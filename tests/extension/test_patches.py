@@ -6,7 +6,6 @@ import pytest
 
 SOFT = """
 import json, pathlib, alignerf
-from alignerf.experiment import sources
 from alignerf.page import told as page
 from alignerf.verdict import __main__ as verdict
 from tests.alignerf.causes import cases
@@ -17,8 +16,7 @@ for name, e in ("ours", cases.WELL), ("theirs", cases.THEIRS):
         content = verdict.content_of(e._replace(detail_median=soft), [])
         pathlib.Path("verdict.json").write_text(json.dumps(verdict.plain(content)))
         told[f"{name} {soft}"] = page.read(pathlib.Path())
-reached = {path.name for path in sources.reached("alignerf.verdict")}
-print(json.dumps([told, "soft.py" in reached]))
+print(json.dumps(told))
 """
 
 
@@ -30,11 +28,9 @@ def soft(patched):
 
 @pytest.mark.parametrize("e", ["ours", "theirs"])
 def test_a_cause_is_named_said_advised_on_and_shown(soft, e):
-    told, reached = soft
-    assert reached
     levels = {"0.8": "ok", "0.5": "likely", "0.3": "faulty"}
     for value, level in levels.items():
-        found = told[f"{e} {value}"]
+        found = soft[f"{e} {value}"]
         gauge = next(one for one in found["gauges"] if one["cause"] == "soft")
         assert (gauge["name"], gauge["level"]) == ("detail of all photos", level)
         # More is better.
@@ -56,7 +52,7 @@ RAIL = """
 import json, pathlib
 import cv2, numpy as np
 from alignerf import config, export, poses
-from alignerf.experiment import check, plan, sources
+from alignerf.experiment import check, plan
 from alignerf.scenes import prepared
 from alignerf.cli import folders
 
@@ -89,10 +85,6 @@ print(json.dumps({
     "names": sides.names,
     "step": step.tolist(),
     "files": sorted(path.name for path in pathlib.Path("exported").iterdir()),
-    "reached": {
-        stage: "rail.py" in {path.name for path in sources.reached(f"alignerf.{stage}")}
-        for stage in ("poses", "export", "train")
-    },
 }))
 """
 
@@ -109,13 +101,12 @@ def test_a_source_is_detected_checked_prepared_and_exported(patched):
     assert told["names"] == [f"v{i}" for i in range(8)]
     assert told["step"] == pytest.approx([0.5] * 7)
     assert {"images", "sparse", "transforms.json", "README.txt"} <= {*told["files"]}
-    assert told["reached"] == {"poses": True, "export": True, "train": False}
 
 
 ONE_LOOK = """
 import json, pathlib
 from alignerf import config, methods
-from alignerf.experiment import check, jobs, plan, sources
+from alignerf.experiment import check, jobs, plan
 from tests import job_cases
 
 def checked(**model):
@@ -145,13 +136,6 @@ print(json.dumps({
     "rates": parsed.learning_rates,
     "points": parsed.model.points_a_ray,
     "stage": [timing["stage"], timing["steps"]],
-    "reached": {
-        stage: name in {path.name for path in sources.reached(f"alignerf.{stage}")}
-        for stage, name in (
-            ("train", "one_look.py"), ("render_views", "one_look.py"),
-            ("evaluate", "one_look.py"),
-        )
-    },
 }))
 """
 
@@ -168,5 +152,3 @@ def test_a_system_is_checked_labelled_and_trained(patched):
     assert told["rates"] == [0.004, 0.0004]
     assert told["points"] == 16
     assert told["stage"] == ["full", 14]
-    reached = {"train": True, "render_views": True, "evaluate": False}
-    assert told["reached"] == reached

@@ -424,6 +424,8 @@ STAGES = ("train", "render_views", "align_test_poses", "evaluate", "tabulate")
 STAGES = (*(f"alignerf.{name}" for name in STAGES), "alignerf.tables.collect")
 STAGES += tuple(f"flow.{name}" for name in ("align", "decompose", "control_sets"))
 STAGES += ("flow.figures.scene", "alignerf.poses", "alignerf.config")
+# Of what reads a job, and a config with its methods.
+JOBS = {"train", "render_views", "align_test_poses", "alignerf.config"}
 
 
 @pytest.mark.parametrize(
@@ -443,6 +445,7 @@ STAGES += ("flow.figures.scene", "alignerf.poses", "alignerf.config")
         ),
         ("flow/warping/controls.py", {"align_test_poses", "control_sets"}),
         ("flow/camera/fit.py", {"align_test_poses", "decompose"}),
+        ("alignerf/experiment/jobs.py", JOBS),
     ],
 )
 def test_a_source_is_of_the_stages_that_run_it(path, stages):

@@ -4,7 +4,6 @@ The check has to refuse the value and to name the key; what it accepts it has to
 """
 
 import copy
-import json
 import random
 import time
 
@@ -61,7 +60,7 @@ def planned(config):
 
 def parsed(values):
     """The same of a job, as `alignerf.train --config` reads it."""
-    jobs.parse(jobs.read(json.dumps(values)))
+    jobs.parse(values)
 
 
 def fault_of(function, values, place):

@@ -178,6 +178,11 @@ class Common(Keys):
     )
     colmap: Colmap = key(Colmap, "how COLMAP finds poses")
 
+    @property
+    def foreign(self):
+        """Sections of other sources."""
+        return SECTIONS.keys() - {self.source}
+
     def faults(self):
         source = base.of(self)
         poses, name = source.poses_of(self), source.name
@@ -192,7 +197,7 @@ class Common(Keys):
         for own in OWN:
             if getattr(self, own) and own not in source.keys:
                 yield own, f"source {name!r} has none"
-        for other in SECTIONS.keys() - {name}:
+        for other in self.foreign:
             # Whole sections of defaults stand in every complete config.
             if self.default(other) is None and getattr(self, other) is not None:
                 yield other, f"goes with source {other!r}, and that with it"

@@ -57,8 +57,7 @@ class Rule:
         return self.step(wildcards).command
 
     def sources(self, wildcards):
-        step = self.step(wildcards)
-        return sources_of(*(step.modules or step.command[:1]))
+        return sources_of(*self.step(wildcards).modules)
 
     def threads(self, wildcards):
         return self.step(wildcards).threads

@@ -36,7 +36,8 @@ def poses(experiment, w):
         adjusted = (experiment.input_cameras(w.scene, n) for n in names)
         options["adjust"] = any(adjusted)
     command = words("alignerf.poses", **options, out=layout.Scene(w.scene))
-    return Step(command, inputs, own, threads=sources.WHOLE_MACHINE)
+    records = [experiment.source_of(w.scene)]
+    return Step(command, inputs, own, records, threads=sources.WHOLE_MACHINE)
 
 
 def last(experiment, scene, method):
@@ -368,6 +369,6 @@ def export_folder(experiment, w):
         # Where the verdict says that alignment gained nothing, exports are as given.
         options["if_pays"] = [scene.verdict, training.owner]
         inputs["verdict"] = scene.verdict
-    out = scene.export(w.method, w.what)
+    out, records = scene.export(w.method, w.what), [experiment.source_of(w.scene)]
     command = words("alignerf.export", scene=scene, **options, out=out)
-    return Step(command, inputs, threads=sources.WHOLE_MACHINE)
+    return Step(command, inputs, records=records, threads=sources.WHOLE_MACHINE)

@@ -2,7 +2,7 @@
 
 from alignerf import testsets
 from alignerf.experiment import layout, sources, trainings
-from alignerf.experiment.step import Step, flow_options, words
+from alignerf.experiment.step import Step, estimator_of, flow_options, words
 
 
 def train(experiment, w):
@@ -16,11 +16,11 @@ def train(experiment, w):
     if not training.job.ours:
         seed = experiment.scenes[w.scene].seed
         command = words("alignerf.external.train", **options, training=at, seed=seed)
-        return Step(command, inputs, **asked)
+        return Step(command, inputs, records=[experiment.source_of(w.scene)], **asked)
     command = words("alignerf.train", **options, checkpoints=f"{at}/checkpoints")
     inputs["decisions"] = trainings.decisions_of(experiment.config, w.scene)
     own = {"weights": training.job.weights}
-    return Step(command, inputs, own, training.modules, **asked)
+    return Step(command, inputs, own, experiment.records_of(training), **asked)
 
 
 def asks(experiment, training):
@@ -41,6 +41,7 @@ def render(experiment, w):
     options = {"scene": scene, "splits": experiment.splits(w.scene, w.training)}
     options |= {"renders": at.renders, "depth": at.depth, "timing": at.render}
     inputs, own = {"learnt": at.learnt, "cameras": scene.cameras}, {}
+    records = [experiment.source_of(w.scene)]
     if not experiment.capture(w.scene).trains:
         inputs["images"] = scene.images
         command = words("alignerf.external.render", **options)
@@ -57,8 +58,8 @@ def render(experiment, w):
             "cameras": at.cameras,
             "model": at.model,
         }
-        command = words("alignerf.render_views", **options)
-    return Step(command, inputs, own, **asks(experiment, training))
+        command, records = words("alignerf.render_views", **options), training.records
+    return Step(command, inputs, own, records, **asks(experiment, training))
 
 
 def align(experiment, w):
@@ -85,7 +86,8 @@ def align(experiment, w):
         warped_out=at.warped,
         stats_out=at.displacement,
     )
-    return Step(command, inputs, threads=threads_of_views(experiment, w))
+    records, threads = estimator_of(experiment), threads_of_views(experiment, w)
+    return Step(command, inputs, records=records, threads=threads)
 
 
 def threads_of_views(experiment, w):
@@ -120,7 +122,7 @@ def testset(experiment, w):
         stats_out=scene.testset_lengths,
     )
     inputs = {"renders": at.renders, "depth": at.depth, "photos": scene.images}
-    return Step(command, inputs)
+    return Step(command, inputs, records=estimator_of(experiment))
 
 
 def control_sets(experiment, w):
@@ -137,7 +139,8 @@ def control_sets(experiment, w):
         masks=f"{scene.images}/masks",
         out=scene.testset,
     )
-    return Step(command, inputs | {"renders": renders})
+    inputs["renders"] = renders
+    return Step(command, inputs, records=estimator_of(experiment))
 
 
 def control_folders(scene):
@@ -153,7 +156,8 @@ def overfit(experiment, w):
     inputs["flow"] = f"{at.flow}/{split}"
     options = flow_options(experiment) | {"masks": f"{scene.images}/masks"}
     command = words("flow.control_sets", **options, **inputs, lengths=at.overfit)
-    return Step(command, inputs, threads=sources.WHOLE_MACHINE)
+    records = estimator_of(experiment)
+    return Step(command, inputs, records=records, threads=sources.WHOLE_MACHINE)
 
 
 def correct_poses(experiment, w):
@@ -219,7 +223,7 @@ def align_test_poses(experiment, w):
     inputs |= {"renders": at.renders, "photos": scene.images, "cameras": scene.cameras}
     inputs["decisions"] = trainings.decisions_of(experiment.config, w.scene)
     asked = {"gpu": sources.ACCELERATORS, "threads": sources.OF_TRAINING}
-    return Step(command, inputs, **asked)
+    return Step(command, inputs, records=training.records, **asked)
 
 
 def evaluate(experiment, w):

@@ -56,7 +56,7 @@ def of_scene(experiment, name):
 
 def alike(scene):
     """A digest: the settings of a hundred scenes are too long for a command line."""
-    settings = json_files.canonical(scene.model_dump(exclude={*LENGTH}))
+    settings = json_files.canonical(scene.model_dump(exclude={*LENGTH, *scene.foreign}))
     return hashlib.sha256(settings.encode()).hexdigest()[:16]
 
 

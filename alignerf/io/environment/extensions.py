@@ -6,7 +6,6 @@ CONTRIBUTING.md shows one of each.
 """
 
 import functools
-import hashlib
 import importlib
 import importlib.metadata
 import importlib.util
@@ -135,29 +134,18 @@ def names(group):
     return tuple(point.name for point in points(group))
 
 
+def modules(group, name):
+    """Those of the entry points of a name; none of what the program has itself."""
+    return [point.module for point in points(group) if point.name == name]
+
+
 @functools.cache
-def digest():
-    """SHA-256 of all entry points and of the code behind them.
-
-    That is every module of the folders in which they lie: a change of one is a change
-    of the program.
-    """
-    code = hashlib.sha256()
-    for group in NEEDED:
-        for point in points(group):
-            code.update(f"{group} {point.name} {point.value}\n".encode())
-            for path in modules_beside(point):
-                code.update(path.read_bytes())
-    return code.digest()
-
-
-def modules_beside(point):
-    """The files of its module and of its folder; of a module in no package its own.
-
-    None where there is no such module: `of_group` says so.
-    """
-    spec, _ = tried(lambda: importlib.util.find_spec(point.module))
-    if spec is None or not spec.origin:
-        return []
-    path = Path(spec.origin)
-    return sorted(path.parent.rglob("*.py")) if "." in point.module else [path]
+def root_of(package):
+    """The folder in which a package lies that has entry points; None of any other."""
+    every = (point.module for group in NEEDED for point in points(group))
+    if package not in {module.partition(".")[0] for module in every}:
+        return None
+    # None where there is no such module: `of_group` says so.
+    spec, _ = tried(lambda: importlib.util.find_spec(package))
+    places = spec and (spec.submodule_search_locations or [spec.origin])
+    return Path(places[0]).parent if places else None

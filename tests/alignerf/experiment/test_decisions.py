@@ -12,7 +12,7 @@ from alignerf.causes.shared import misalignment
 from alignerf.experiment import decisions as rules
 from alignerf.experiment.keys import training as training_keys
 from alignerf.mipnerf360 import coord
-from alignerf.systems import mipnerf360
+from alignerf.systems import base
 
 FACTS = {
     "nearest": 0.5,
@@ -37,7 +37,7 @@ def test_every_key_that_a_config_can_leave_open_has_a_rule():
 def test_samples_begin_before_the_nearest_point(nearest):
     found = decided(nearest=nearest)["model.near"]
     assert found.value == pytest.approx(rules.NEAR_FRACTION * nearest, rel=1e-2)
-    assert found.default == mipnerf360.USUAL["near"]
+    assert found.default == base.USUAL["near"]
     assert found.facts == {"nearest": nearest}
 
 

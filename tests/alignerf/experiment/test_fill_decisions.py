@@ -4,8 +4,8 @@ import json
 
 import pytest
 
-from alignerf.experiment import check, decisions, plan, trainings
-from alignerf.systems import mipnerf360, nerf
+from alignerf.experiment import check, decisions, jobs, plan, trainings
+from alignerf.systems import base, nerf
 
 DECISIONS = [
     decisions.Decision("model.near", 0.2, 3.0, "", {}),
@@ -37,13 +37,13 @@ def job_of(config, method="mipnerf360"):
 
 def test_without_decide_no_file_is_read(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
-    job = decisions.read_job(job_of({}))
+    job = jobs.read(job_of({}))
     assert (job.model.near, job.training.steps) == (0.2, 4000)
     assert job.decisions is None
 
 
 def test_all_that_the_config_leaves_out_is_decided(folder):
-    job = decisions.read_job(job_of({"decide": True}))
+    job = jobs.read(job_of({"decide": True}))
     assert (job.model.near, job.model.field.max_resolution) == (3.0, 512)
     assert (job.steps, job.warmup_steps, job.model.radius) == (6000, 600, 4.0)
     assert (job.decisions, job.scaled) == (None, False)
@@ -55,7 +55,7 @@ def test_what_the_config_says_stays(folder):
         ({"field": {"max_resolution": 64}}, (3.0, 64)),
     ):
         config = {"decide": True, "models": {"m": model}, "training": {"steps": 100}}
-        job = decisions.read_job(job_of(config))
+        job = jobs.read(job_of(config))
         assert (job.model.near, job.model.field.max_resolution) == found
         assert job.steps == 100
 
@@ -63,7 +63,7 @@ def test_what_the_config_says_stays(folder):
 @pytest.mark.parametrize("length", [{"steps": 300}, {"budget_min": 2}])
 def test_a_scenes_own_length_stays(folder, length):
     config = {"decide": True, "scenes": {"s": {"source": "courtyard", **length}}}
-    training = decisions.read_job(job_of(config)).training
+    training = jobs.read(job_of(config)).training
     assert {"steps": training.steps, "budget_min": training.budget_min} == {
         "steps": None,
         "budget_min": None,
@@ -80,7 +80,7 @@ def test_stages_and_lengths_keep_their_shares(folder):
     experiment = plan.Experiment(check.checked({"scenes": SCENE} | config))
     folder.joinpath("results/s").rename(folder / "results/s_x0.5")
     found = {
-        folder: decisions.read_job(training.job.text).steps
+        folder: jobs.read(training.job.text).steps
         for folder, training in experiment.trainings("s_x0.5").items()
     }
     assert found == {
@@ -93,7 +93,7 @@ def test_stages_and_lengths_keep_their_shares(folder):
 
 def test_other_systems_take_their_steps_alone(folder):
     config = {"models": {"n": {"kind": "nerf"}}, "methods": {"mipnerf360": {}}}
-    job = decisions.read_job(job_of({"decide": True} | config))
+    job = jobs.read(job_of({"decide": True} | config))
     assert (job.model.near, job.steps) == (nerf.SYSTEM().near, 6000)
 
 
@@ -114,22 +114,22 @@ def of(**changes):
 def test_a_file_without_decisions_is_named(folder, text):
     (folder / "results/s/decisions.json").write_text(text)
     with pytest.raises(ValueError, match=r"decisions\.json: (not|nested)"):
-        decisions.read_job(job_of({"decide": True}))
+        jobs.read(job_of({"decide": True}))
 
 
 def test_a_missing_file_or_decision_is_named(folder):
     path = folder / "results/s/decisions.json"
     write(path, DECISIONS[:1])
     with pytest.raises(ValueError, match="nothing on radius"):
-        decisions.read_job(job_of({"decide": True}))
+        jobs.read(job_of({"decide": True}))
     path.unlink()
     with pytest.raises(ValueError, match=r"decisions\.json: not found"):
-        decisions.read_job(job_of({"decide": True}))
+        jobs.read(job_of({"decide": True}))
 
 
 def test_a_complete_config_decides_the_same_again():
     config = check.checked({"decide": True, "scenes": SCENE})
-    assert config.models["base"].open == [*mipnerf360.USUAL]
+    assert config.models["base"].open == [*base.USUAL]
     assert config.training.steps is None
     assert check.checked(json.loads(json.dumps(config.model_dump()))) == config
 
@@ -183,9 +183,9 @@ def test_a_field_of_points_has_neither_cells_nor_contraction():
 
 def test_near_stays_before_a_far_that_the_config_says(folder):
     config = {"decide": True, "models": {"m": {"far": 4.0}}}
-    assert decisions.read_job(job_of(config)).model.near == 2.0
+    assert jobs.read(job_of(config)).model.near == 2.0
 
 
 def test_a_warm_up_keeps_its_fraction(folder):
     config = {"decide": True, "training": {"warmup_steps": 400}}
-    assert decisions.read_job(job_of(config)).warmup_steps == 600
+    assert jobs.read(job_of(config)).warmup_steps == 600

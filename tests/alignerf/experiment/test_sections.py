@@ -21,10 +21,10 @@ REACHED = {
     "alignerf.render_views": JOB | {"scene"},
     "alignerf.align_test_poses": JOB | {"scene"},
     # Facts decide settings.
-    "alignerf.facts": JOB | {"scene"},
-    "alignerf.poses": JOB | {"scene"},
-    # The page says what the preflight says.
-    "alignerf.page": JOB | {"scene"},
+    "alignerf.facts": {"scene", "training"},
+    "alignerf.poses": {"scene"},
+    # The page says what the facts decided.
+    "alignerf.page": {"scene", "training"},
     # It reads the photos of a scene once more.
     "alignerf.export": {"scene"},
     "alignerf.config": EVERY,
@@ -53,14 +53,6 @@ def test_a_stage_reaches_its_sections_alone(stages):
         keys = [p for p in sources.reached(stage) if p.parent.name == "keys"]
         sections = {path.stem for path in keys} - SHARED
         assert sections == REACHED.get(stage, set()), stage
-
-
-def test_what_reads_photos_alone_depends_on_the_readers(stages):
-    readers = {"alignerf.poses", "alignerf.export"}
-    readers |= {"alignerf.external.train", "alignerf.external.render"}
-    for stage in stages:
-        reads = any(p.stem == "polycam" for p in sources.reached(stage))
-        assert reads == (stage in readers), stage
 
 
 @pytest.mark.parametrize("stage", ["flow.align", "flow.decompose", "alignerf.verdict"])

@@ -8,7 +8,6 @@ from pathlib import Path
 import pytest
 
 from alignerf import export, poses
-from alignerf.captures import photos as of_photos
 from alignerf.io import images, json_files
 from alignerf.judged import originals
 from alignerf.verdict import evidence
@@ -49,7 +48,7 @@ def test_poses_are_found_anew_from_the_folder_of_the_photos(scene):
     found = json_files.read("out/poses.json")
     assert evidence.by_colmap(found, Path("out")) == told
     shutil.copy("scan/transforms.json", "scan/images")
-    assert of_photos.alone(originals.noted("out")) is None
+    assert originals.alone(originals.noted("out")) is None
 
 
 def test_a_copy_of_the_same_is_no_change(scene):

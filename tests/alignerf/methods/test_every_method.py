@@ -94,9 +94,8 @@ def check_cost(experiment):
 def check_part(experiment):
     """Its part of a training is there, and its code is what the training depends on."""
     training = last(experiment)
-    for module in training.modules:
-        assert sources.file_of(module) in sources.reached(module)
     if training.job.ours:
+        assert all(map(sources.file_of, experiment.records_of(training)))
         part = base.part_of(training.job)
         assert isinstance(part, base.Part)
         assert bool(training.job.part) == (type(part) is not base.Part)
