@@ -35,7 +35,10 @@ def find_changes(e):
     shown = max(known or told, key=lambda one: one[0] / one[1])
     # What points share is blurred by wrong poses; what all renders show is not.
     strong = e.exposure_ev > 2 * EXPOSURE_EV
-    return base.beyond(*shown, explains=e.exposure_ev > BENDS_EV, stands=strong)
+    untold = "" if known else "photos and renders are black, or clipped"
+    return base.beyond(
+        *shown, explains=e.exposure_ev > BENDS_EV, stands=strong, spoilt=untold
+    )
 
 
 def disturbs(e):

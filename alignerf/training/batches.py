@@ -88,7 +88,11 @@ def view_shapes(loaded: prepared.Scene, chosen) -> Views:
 
 
 def load_views(loaded: prepared.Scene, chosen, photos, valid=None) -> Views:
-    """The training views in the host's memory, with the masks of the valid pixels."""
+    """The training views in the host's memory, with the masks of the valid pixels.
+
+    Raises ValueError where no pixel of all views is valid: the losses on the samples
+    alone would move the field.
+    """
     packed = [all_valid(len(chosen), loaded.height, loaded.width)]
     if valid or (loaded.folder / prepared.MASKS).is_dir():
         # View by view: masks of all photos are a third of their size.
@@ -98,9 +102,12 @@ def load_views(loaded: prepared.Scene, chosen, photos, valid=None) -> Views:
             if valid:
                 mask &= prepared.read_validity(loaded, [view], valid)
             packed.append(pack_valid(mask))
+    bits = np.concatenate(packed)
+    if not bits.any():
+        raise ValueError(f"{valid or loaded.folder / prepared.MASKS}: no valid pixel")
     return Views(
         photos=prepared.read_images(loaded, chosen, photos),
-        valid=np.concatenate(packed),
+        valid=bits,
         pixtocams=loaded.pixtocams[chosen].astype(np.float32),
         camtoworlds=loaded.camtoworlds[chosen].astype(np.float32),
     )

@@ -8,6 +8,7 @@ import sys
 
 import filelock
 import jax.numpy as jnp
+import numpy as np
 
 from alignerf.experiment import jobs
 from alignerf.scenes import prepared
@@ -81,6 +82,22 @@ def test_fine_tuning_needs_pretrained_parameters(
     )
     assert "model.msgpack: " in line
     assert not list(tmp_path.rglob("*.json"))
+
+
+def test_masks_that_leave_no_pixel_are_refused(folder, tmp_path, capsys):
+    """Each view has some in each folder, and no pixel is in both."""
+    scene, left = shutil.copytree(folder, tmp_path / "scene"), np.zeros((24, 32), bool)
+    left[:, :9] = True
+    for place, mask in ((scene / prepared.MASKS, left), (tmp_path / "valid", ~left)):
+        place.mkdir()
+        for name in ("v1", "v2", "v3"):
+            np.savez(place / f"{name}.npz", valid=mask)
+    options = cases.JOB, "--valid", str(tmp_path / "valid")
+    line = cases.stops(capsys, lambda: cases.run(scene, tmp_path / "out", *options))
+    assert line == f"error: {tmp_path / 'valid'}: no valid pixel"
+    assert {path.name for path in tmp_path.joinpath("out").rglob("*")} <= {
+        *("checkpoints", "lock")
+    }
 
 
 def test_a_second_trainer_is_refused_at_once(folder, tmp_path, capsys, monkeypatch):

@@ -78,6 +78,14 @@ def test_a_photo_that_shares_nothing_is_unknown():
     assert np.ptp(stops[:-1]) == pytest.approx(0.3, abs=0.02)
 
 
+def test_of_a_photo_that_is_all_black_nothing_is_known():
+    views = [view(0.2 * i, 0.1 * i) for i in range(5)]
+    views[2].photo[:] %= int(exposure.DARKEST)
+    stops = found(views)
+    assert np.isnan(stops).tolist() == [False, False, True, False, False]
+    assert np.nanmax(stops) - np.nanmin(stops) == pytest.approx(0.4, abs=0.02)
+
+
 @pytest.mark.parametrize("depth", [np.inf, np.nan, 0.0, -1.0])
 def test_without_depth_nothing_is_known(depth):
     views = [view(0.2 * i, 0.0) for i in range(3)]

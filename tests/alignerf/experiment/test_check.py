@@ -62,7 +62,10 @@ def edit(config, where, value):
             "radius_px: -1 should be greater",
         ),
         ("methods.images", {"model": "base", "rounds": 0}, "methods.images: a folder"),
-        ("models.base.near", 1e6, "models.base: near must be smaller than far"),
+        *(
+            ("models.base.near", near, "models.base: near must be smaller than far")
+            for near in (1e6, 1e6 * (1 - 1e-7))
+        ),
         (
             "models.base.field",
             {"kind": "nerf"},

@@ -153,6 +153,10 @@ def test_levels_of_what_is_not_named():
     assert "cannot tell, because wrong poses distort the model" in untold["text"]
     assert levels(WELL._replace(epochs=0.1), "cannot tell") == cases.BY_FLOW
     assert levels(WELL._replace(psnr_test_db=math.nan), "cannot tell") == {"sparse"}
+    dark = WELL._replace(exposure_ev=math.nan, shared_ev=math.nan)
+    assert levels(dark, "cannot tell") == {"exposure"}
+    said = " ".join(" ".join(report.terminal(of(dark))).split())
+    assert "exposure: cannot tell, because photos and renders are black, or" in said
     lines = report.terminal(of(WELL._replace(epochs=0.1)))
     assert [line[:11] for line in lines].count("CANNOT TELL") == 1
     # A shift beyond its limit that the views do not agree on.
