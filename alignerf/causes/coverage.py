@@ -13,7 +13,7 @@ GAP_DB, FAR_DEG, TIMES, BY_BLUR = 4.0, 20.0, (0.75, 2.0), 2
 # Share of the photos that COLMAP has placed.
 REGISTERED = 0.9
 # Of the views, those of which a floater hides a part; and as many at the least.
-FLOATER_VIEWS, MIN_VIEWS = 0.04, 2
+FLOATER_VIEWS, MIN_VIEWS = 0.063, 2
 
 
 def find_sparse(e):

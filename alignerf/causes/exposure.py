@@ -18,7 +18,7 @@ BENDS_EV = 0.126
 EXCHANGED = 0.9
 # Of a curve common to all renders, in stops: at most 0.05 where nothing is wrong. Half
 # a stop makes flows stumble.
-TONE_EV, STRONG_EV = 0.1, 0.5
+TONE_EV, STRONG_EV = 0.14, 0.5
 
 
 def find_changes(e):
