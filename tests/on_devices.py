@@ -19,9 +19,10 @@ def losses(method, views, *, micro_batches, used):
     mesh = gradients.make_mesh(method.units, used)
     state, step = cases.start(method, micro_batches=micro_batches, mesh=mesh)
     state, views = devices.place((state, views), mesh)
-    compiled = step.func.lower(state, views, **step.keywords).compile()
+    compiled = step.func.compiled(state, views, **step.keywords)
     collectives = re.findall(
-        r" (all-\w+|collective-\w+|reduce-scatter)\(", compiled.as_text()
+        r" (all-\w+|collective-\w+|reduce-scatter)\(",
+        "".join(part.as_text() for part in compiled),
     )
     found = []
     for _ in range(STEPS):

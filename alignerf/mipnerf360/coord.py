@@ -31,12 +31,6 @@ def points(gaussians: Gaussians) -> Gaussians:
     return gaussians._replace(t_std=nothing, r_std=nothing)
 
 
-def in_units(gaussians: Gaussians, length: float) -> Gaussians:
-    """The same Gaussians with positions in units of a length; t stays as it is."""
-    mean, direction, t_std, r_std = gaussians
-    return Gaussians(mean / length, direction / length, t_std, r_std / length)
-
-
 def contract(x: Float[Array, "*batch 3"]) -> Float[Array, "*batch 3"]:
     """Map space into the ball of radius 2: x, or (2 - 1/|x|) x/|x| (Eq. 10)."""
     unit, inverse_radius, outside = _polar(x)

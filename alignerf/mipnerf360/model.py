@@ -35,14 +35,15 @@ class Model(nn.Module):
     With one round there is no proposal: a ray's samples are evenly spread. Fields see
     positions in units of `radius`: nothing within it is contracted. A ray ends opaque,
     or before a `background` that is known; to the proposals it always ends opaque.
+    Without `near`, `far` and `radius` each ray brings them: see `for_any_scene`.
     """
 
     proposal: nn.Module | None
     field: nn.Module
     samples: Sequence[int]
-    near: float
-    far: float
-    radius: float = 1.0
+    near: float | None
+    far: float | None
+    radius: float | None = 1.0
     background: str | None = None
     # Whether the kernels are there, see `alignerf.kernels`.
     native: bool = False
@@ -51,6 +52,11 @@ class Model(nn.Module):
     def jitters(self):
         """Random numbers that a ray takes: one for each round of samples."""
         return len(self.samples)
+
+    def for_any_scene(self):
+        """(the model without near, far and radius, these): one program for them all."""
+        bounds = self.near, self.far, self.radius
+        return self.clone(near=None, far=None, radius=None), bounds
 
     def __call__(
         self,
@@ -67,6 +73,10 @@ class Model(nn.Module):
         The first `proposal_fraction` of the rays carry a gradient to the proposals.
         `fineness` in [0, 1] hides what is fine in the field's input; None shows all.
         """
+        near, far, radius = self.near, self.far, self.radius
+        if rays.bounds is not None:
+            near, far, radius = jnp.split(rays.bounds, 3, axis=-1)
+        cones = [x / radius for x in (rays.origins, rays.directions, rays.radii)]
         sdist = jnp.broadcast_to(jnp.array([0.0, 1.0]), (len(rays.origins), 2))
         weights = jnp.ones((len(rays.origins), 1))
         histograms, drawn = [], 1
@@ -82,12 +92,8 @@ class Model(nn.Module):
             sdist = jax.lax.stop_gradient(
                 resample(sdist, weights, moved, anneal, count, dilation=wide)
             )
-            tdist = coord.s_to_t(sdist, self.near, self.far)
-            gaussians = render.cast_cones(
-                tdist, rays.origins, rays.directions, rays.radii
-            )
-            if self.radius != 1.0:
-                gaussians = coord.in_units(gaussians, self.radius)
+            tdist = coord.s_to_t(sdist, near, far)
+            gaussians = render.cast_cones(tdist, *cones)
             if last:
                 hidden = {} if fineness is None else {"fineness": fineness}
                 density, values = self.field(gaussians, rays.viewdirs, **hidden)

@@ -44,13 +44,15 @@ class Rays(NamedTuple):
 
     origins [..., 3]; directions [..., 3] unnormalised, of length 1 along the
     optical axis; viewdirs [..., 3] of unit length; radii [..., 1] of the pixel's
-    cone where the direction ends.
+    cone where the direction ends; bounds [..., 3], where a model asks for them: its
+    near, far and radius in this scene.
     """
 
     origins: Array
     directions: Array
     viewdirs: Array
     radii: Array
+    bounds: Array = None
 
 
 def intrinsics(focal_px, width, height):

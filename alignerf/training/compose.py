@@ -33,6 +33,7 @@ def without_cameras(job: jobs.Job, *, to_train, learning=False) -> methods.Metho
     )
     if not isinstance(model, mipnerf360.Model):
         return methods.single_rays(model, loss, batch_rays=training.batch_rays)
+    model, bounds = model.for_any_scene()
     has_none = "distortion_weight" in job.model.has_no
     shared = {
         "loss_weights": methods.LossWeights(
@@ -41,15 +42,16 @@ def without_cameras(job: jobs.Job, *, to_train, learning=False) -> methods.Metho
         "proposal_fraction": training.proposal_fraction,
     }
     if not fine:
-        return methods.mipnerf360(
+        method = methods.mipnerf360(
             model,
             data_loss=loss,
             batch_rays=training.batch_rays,
             coarse_to_fine=tuple((job.learns and job.learns.coarse_to_fine) or ()),
             **shared,
         )
+        return methods.within(method, bounds)
     chosen = job.alignerf
-    return methods.alignerf(
+    method = methods.alignerf(
         model,
         patches=chosen.patches,
         patch_px=chosen.patch_px,
@@ -57,6 +59,7 @@ def without_cameras(job: jobs.Job, *, to_train, learning=False) -> methods.Metho
         loss=make_loss(chosen, to_train=to_train),
         **shared,
     )
+    return methods.within(method, bounds)
 
 
 def make_loss(chosen: staged.Finetuning, *, to_train) -> methods.Loss:

@@ -17,8 +17,6 @@ from alignerf.training import step as train_step
 PARTS = 32
 VIEWS = 256
 
-draw = jax.jit(train_step.draw, static_argnames=("method", "seed"))
-
 
 def explain(method, state, views, names, *, steps, seed, micro_batches=1) -> str:
     """One line: why the step that starts from `state` is not finite.
@@ -28,7 +26,8 @@ def explain(method, state, views, names, *, steps, seed, micro_batches=1) -> str
     where = f"training diverged at step {int(state.step)}: not finite: "
     if spoilt := spoilt_parameters(state.params):
         return where + ", ".join(spoilt)
-    batch, share = draw(method, views, state.step, steps=steps, seed=seed)
+    schedule = train_step.Schedule(steps, 0, jnp.uint32(seed))
+    batch, share = train_step.make_draw(method.draw)(views, state.step, schedule)
     size = -(-method.units // max(PARTS, micro_batches))
 
     def look(units):

@@ -12,7 +12,7 @@ import logging
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jax.sharding import Mesh, PartitionSpec
+from jax.sharding import Mesh, NamedSharding, PartitionSpec
 
 log = logging.getLogger("alignerf")
 
@@ -35,6 +35,11 @@ def make_mesh(units, devices):
             units,
         )
     return None if count == 1 else Mesh(np.array(devices[:count]), (AXIS,))
+
+
+def by_units(mesh):
+    """The sharding of a batch, whose arrays begin with its units."""
+    return NamedSharding(mesh, PartitionSpec(AXIS))
 
 
 def micro_batches_for_caches(units, points_a_unit, device, hashed):

@@ -45,6 +45,29 @@ class Method(NamedTuple):
     # (name, rate) of parameters that are no network's: plain gradient descent by this
     # rate makes them means over the last steps.
     running_means: tuple = ()
+    # (near, far, radius) of the scene, which `draw` gives to its rays and a renderer to
+    # its own. Numbers that programs take, so that all scenes share these.
+    bounds: tuple | None = None
+
+
+@functools.cache
+def within(method, bounds) -> Method:
+    """The method in a scene of these bounds; None leaves them to the model."""
+
+    def draw(key, step, views):
+        batch = method.draw(key, step, views)
+        return batch._replace(rays=bounded(batch.rays, bounds))
+
+    return method._replace(draw=draw, bounds=bounds) if bounds else method
+
+
+def bounded(rays: cameras.Rays, bounds) -> cameras.Rays:
+    """The rays with a scene's bounds, if any."""
+    if bounds is None:
+        return rays
+    shape = (*rays.radii.shape[:-1], 3)
+    each = jnp.broadcast_to(jnp.asarray(bounds, jnp.float32), shape)
+    return rays._replace(bounds=each)
 
 
 class LossWeights(NamedTuple):
@@ -57,7 +80,8 @@ class LossWeights(NamedTuple):
 def _some_rays():
     """Two rays to initialise a model's shapes with."""
     ones = jnp.ones((2, 3))
-    return cameras.Rays(ones, ones, ones / jnp.sqrt(3.0), 0.01 * ones[:, :1])
+    rays = cameras.Rays(ones, ones, ones / jnp.sqrt(3.0), 0.01 * ones[:, :1])
+    return bounded(rays, (1.0, 2.0, 1.0))
 
 
 def _regularisers(histograms, weights, native):

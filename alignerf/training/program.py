@@ -165,11 +165,16 @@ def compile_step(
             micro_batches=micro_batches,
             mesh=mesh,
         )
-        compiled = step.lower(*inputs).compile()
-        return compiled, memory.step_bytes(compiled, mine)
+        compiled = step.compiled(*inputs)
+        return compiled, step_bytes(compiled, mine)
 
     free = max(0, memory.free_bytes(mine[0]) - to_come)
     return memory.compile_to_fit(compile_in, units, free, micro_batches=micro_batches)
+
+
+def step_bytes(compiled, devices):
+    """Memory that both programs of a step take on a device, besides their inputs."""
+    return sum(memory.step_bytes(part, devices) for part in compiled)
 
 
 def log_memory(job, program, state, views):
@@ -177,7 +182,7 @@ def log_memory(job, program, state, views):
     count = program.mesh.size if program.mesh else 1
     rays = job.rays_per_step // (program.micro_batches * count)
     params = memory.tree_bytes(state.params)
-    activations = memory.step_bytes(program.step, jax.local_devices()[:1]) - params
+    activations = step_bytes(program.step, jax.local_devices()[:1]) - params
     sizes = {
         "parameters and gradients each": params,
         "Adam": memory.tree_bytes(state.optimizer),

@@ -14,7 +14,7 @@ import numpy as np
 from alignerf.contributions import strips
 from alignerf.experiment import jobs
 from alignerf.scenes import cameras, prepared
-from alignerf.training import checkpoint, compose, memory
+from alignerf.training import checkpoint, compose, memory, methods
 
 # Rays at once: large enough to fill the machine, small enough for its memory.
 CHUNK_RAYS = 4096
@@ -43,7 +43,7 @@ def make_renderer(method, params, width, height):
 class Renderer:
     """A method's images of one size: one program for all parameters and cameras.
 
-    Renderers of one method and width share it.
+    Renderers of one model share it, whatever the scene and the size of its photos.
     """
 
     def __init__(self, method, width, height):
@@ -54,7 +54,8 @@ class Renderer:
         self.strip = min(height, -(-STRIP_PIXELS // width))
         on_cpu = jax.local_devices()[0].platform == "cpu"
         at_once = CACHED_RAYS if on_cpu else self.chunk
-        self._render = functools.partial(render_pixels, method.render, width, at_once)
+        self._render = functools.partial(render_pixels, method.render, at_once)
+        self.bounds = np.asarray(method.bounds, np.float32) if method.bounds else None
         self._colours = functools.partial(clipped_colours, method.colours)
 
     def __call__(self, params, pixtocam, camtoworld, wanted=None):
@@ -91,7 +92,9 @@ class Renderer:
         """
         done = 0
         for chunk in self.chunks(pixels):
-            rendered, depth = self._render(params, jnp.asarray(chunk), *camera)
+            y, x = np.divmod(chunk.astype(np.int32), np.int32(self.width))
+            at = np.stack([x, y])
+            rendered, depth = self._render(params, at, self.bounds, *camera)
             depth_out[chunk] = depth
             end = chunk[-1] + 1
             block = np.zeros((end - done, rendered.shape[-1]), rendered.dtype)
@@ -114,18 +117,20 @@ class Renderer:
         return np.round(rgb * 255.0).astype(np.uint8)
 
 
-@functools.partial(jax.jit, static_argnums=(0, 1, 2))
-def render_pixels(render_rays, width, at_once, params, pixels, pixtocam, camtoworld):
-    """(values [n, c], depth [n]) of pixel indices [n], `at_once` rays after others."""
+@functools.partial(jax.jit, static_argnums=(0, 1))
+def render_pixels(render_rays, at_once, params, at, bounds, pixtocam, camtoworld):
+    """(values [n, c], depth [n]) of the pixels (x, y) `at` [2, n].
 
-    def render(pixels):
-        rays = cameras.pixels_to_rays(
-            pixels % width, pixels // width, pixtocam, camtoworld
-        )
-        rendering = render_rays(params, rays)
+    `at_once` rays one after the other; bounds [3] of `methods.Method`, or None.
+    """
+
+    def render(at):
+        rays = cameras.pixels_to_rays(*at, pixtocam, camtoworld)
+        rendering = render_rays(params, methods.bounded(rays, bounds))
         return rendering.values, rendering.depth
 
-    values, depth = jax.lax.map(render, pixels.reshape(-1, at_once))
+    parts = jnp.moveaxis(at.reshape(2, -1, at_once), 1, 0)
+    values, depth = jax.lax.map(render, parts)
     return jnp.concatenate(values), depth.ravel()
 
 

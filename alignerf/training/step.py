@@ -10,9 +10,9 @@ from typing import Any, NamedTuple
 import jax
 import jax.numpy as jnp
 import optax
-from jax.sharding import NamedSharding, PartitionSpec
 
 from alignerf.kernels import calls
+from alignerf.processes import devices
 from alignerf.training import gradients
 
 
@@ -239,34 +239,76 @@ def networks(params):
     return {**params["model"], **others}
 
 
-def draw(method, views, step, *, steps, seed):
-    """What a step learns from: (batch, share of the training that has passed).
+class Step(NamedTuple):
+    """A step: (state, views, Schedule) -> (state, numbers to show), in two programs.
+
+    draw: (views, step, Schedule) -> (batch, share of the training that has passed). It
+    compiles in a moment, for each scene. learn: (state, batch, share, Schedule) ->
+    (state, numbers) is all else, and the same for all scenes of a model.
+    """
+
+    draw: Any
+    learn: Any
+
+    def __call__(self, state, views, schedule):
+        return self.learn(state, *self.draw(views, state.step, schedule), schedule)
+
+    def compiled(self, state, views, schedule):
+        """The step of inputs of these shapes."""
+        draw = self.draw.lower(views, state.step, schedule).compile()
+        shapes = jax.eval_shape(self.draw, views, state.step, schedule)
+        drawn = jax.tree.map(
+            lambda x, where: jax.ShapeDtypeStruct(x.shape, x.dtype, sharding=where),
+            *(shapes, draw.output_shardings),
+        )
+        return Step(draw, self.learn.lower(state, *drawn, schedule).compile())
+
+
+@functools.cache
+def make_draw(method_draw, mesh=None):
+    """The jitted `Step.draw`: each device of a mesh draws its share of the units.
 
     All follows from the seed and the step's number, so that a resumed run draws what
     an uninterrupted one would have drawn.
     """
-    share = jnp.clip(step * inverse(jnp.maximum(steps - 1, 1)), 0.0, 1.0)
-    return method.draw(jax.random.key(seed), step, views), share
+
+    def draw(views, step, schedule):
+        passed = step * inverse(jnp.maximum(schedule.steps - 1, 1))
+        batch = method_draw(jax.random.key(schedule.seed), step, views)
+        return batch, jnp.clip(passed, 0.0, 1.0)
+
+    # A prefix of (batch, share).
+    split = mesh and (gradients.by_units(mesh), devices.everywhere(mesh))
+    return jax.jit(draw, out_shardings=split)
 
 
-@functools.cache
-def make_step(method, optimizer_of, *, gradient_norm, micro_batches=1, mesh=None):
-    """The jitted step: (state, views, Schedule) -> (state, numbers to show).
+def make_step(
+    method, optimizer_of, *, gradient_norm, micro_batches=1, mesh=None
+) -> Step:
+    """The jitted step of a method.
 
-    The steps of equal arguments are one, traced once in a process.
+    The programs of equal arguments are one, traced once in a process.
     optimizer_of(Schedule) is the optimizer, as an `Adam` gives it; what it keeps does
     not depend on that.
     Where the loss or the gradient is not finite, the state stays as it was, so that
     whoever looks at the numbers later still holds what failed.
     """
+    learn = make_learn(
+        *(method.terms, optimizer_of, gradient_norm),
+        *(tuple(dict(method.running_means)), micro_batches, mesh),
+    )
+    return Step(make_draw(method.draw, mesh), learn)
 
-    def step(state, views, schedule):
-        length = {"steps": schedule.steps, "seed": schedule.seed}
-        drawn = draw(method, views, state.step, **length)
+
+@functools.cache
+def make_learn(terms, optimizer_of, gradient_norm, no_networks, micro_batches, mesh):
+    """The jitted `Step.learn`; no_networks: parameters that are not clipped."""
+
+    def learn(state, batch, share, schedule):
         (loss, shown), grads = gradients.mean(
-            method.terms, state.params, *drawn, micro_batches=micro_batches, mesh=mesh
+            terms, state.params, batch, share, micro_batches=micro_batches, mesh=mesh
         )
-        grads = clip_per_network(grads, gradient_norm, dict(method.running_means))
+        grads = clip_per_network(grads, gradient_norm, no_networks)
         nonfinite = count_nonfinite_squares(grads)
 
         def update(state):
@@ -285,8 +327,8 @@ def make_step(method, optimizer_of, *, gradient_norm, micro_batches=1, mesh=None
             "nonfinite_gradients": nonfinite,
         }
 
-    everywhere = mesh and NamedSharding(mesh, PartitionSpec())
-    return jax.jit(step, donate_argnums=0, out_shardings=everywhere)
+    everywhere = mesh and devices.everywhere(mesh)
+    return jax.jit(learn, donate_argnums=0, out_shardings=everywhere)
 
 
 def mse_to_psnr(mse):

@@ -11,7 +11,7 @@ from alignerf import train
 from alignerf.contributions import patch_conv
 from alignerf.experiment import jobs
 from alignerf.scenes import cameras, prepared
-from alignerf.training import checkpoint, compose
+from alignerf.training import checkpoint, compose, methods
 from tests import job_cases as cases
 
 MODELS = {
@@ -70,6 +70,7 @@ def colours_of(method, params):
         rays = cameras.pixels_to_rays(
             columns.ravel(), rows.ravel(), pixtocam, jnp.eye(3, 4)
         )
+        rays = methods.bounded(rays, method.bounds)
         values = method.render(params, rays).values.reshape(height, width, -1)
         return method.colours(params, patch_conv.pad(values) if method.halo else values)
 

@@ -86,21 +86,6 @@ def test_a_cube_root_holds_in_all_of_float32(rng):
     np.testing.assert_allclose(slope, [1e20 / 3, 1 / 3, 1e-20 / 3], rtol=1e-5)
 
 
-@pytest.mark.parametrize("length", [1e-3, 4.0, 1e6])
-def test_another_unit_is_a_scene_made_smaller(rng, length):
-    gaussians = along_rays(rng)
-    found = coord.in_units(gaussians, length)
-    smaller = coord.contract_spheres(
-        gaussians._replace(
-            mean=gaussians.mean / length,
-            t_std=gaussians.t_std / length,
-            r_std=gaussians.r_std / length,
-        )
-    )
-    for ours, twin in zip(coord.contract_spheres(found), smaller, strict=True):
-        np.testing.assert_allclose(ours, twin, rtol=2e-5, atol=1e-12)
-
-
 def test_ray_distance_both_ways(rng):
     near = 10 ** rng.uniform(-3, 1, COUNT)
     far = near * 10 ** rng.uniform(0.1, 9, COUNT)

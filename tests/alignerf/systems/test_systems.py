@@ -11,8 +11,7 @@ import pytest
 from alignerf.methods import pose_optimization
 from alignerf.mipnerf360 import model as mipnerf360
 from alignerf.scenes import cameras
-from alignerf.training import compose, diagnose
-from alignerf.training import step as train_step
+from alignerf.training import compose, methods
 from tests import job_cases
 from tests import system_twins as twins
 from tests import training_cases as cases
@@ -237,10 +236,7 @@ def test_barf_and_known_backgrounds_learn_from_squared_errors_alone(model):
 
     @jax.jit
     def of(key, views):
-        batch, _ = train_step.draw(
-            method, views, jnp.int32(0), steps=jnp.int32(10), seed=0
-        )
-        return method.terms(method.init(key), batch, 0.5)
+        return method.terms(method.init(key), method.draw(key, 0, views), 0.5)
 
     terms, shown = of(jax.random.key(0), cases.make_views())
     np.testing.assert_allclose(terms["data"], shown["mse"], rtol=1e-6)
@@ -260,9 +256,8 @@ def params_of(kind):
 @functools.cache
 def batch_of(kind):
     """What the first step learns from."""
-    options = {"steps": jnp.int32(10), "seed": 0}
-    method, views = method_of(kind), cases.make_views()
-    batch, _ = diagnose.draw(method, views, jnp.int32(0), **options)
+    draw = jax.jit(method_of(kind).draw)
+    batch = draw(jax.random.key(0), 0, cases.make_views())
     return jax.tree.map(np.asarray, batch)
 
 
@@ -327,4 +322,9 @@ def ray_gradient_of(kind):
         return jnp.sum(method.render(params, moved).values)
 
     gradient = jax.jit(jax.grad(total, argnums=(1, 2)))
-    return lambda params, rays: gradient(params, rays.origins, rays.directions, rays)
+
+    def of(params, rays):
+        rays = methods.bounded(rays, method.bounds)
+        return gradient(params, rays.origins, rays.directions, rays)
+
+    return of

@@ -102,7 +102,7 @@ def test_a_poisoned_gradient_is_named_with_its_term_and_network(trained, views):
 
 def test_a_term_without_a_value_is_named(trained, views):
     method, fresh, _ = trained
-    batch, _ = diagnose.draw(method, views, 0, steps=50, seed=0)
+    batch = jax.jit(method.draw)(jax.random.key(0), 0, views)
     drawn = ", ".join(NAMES[view] for view in np.unique(batch.view))
     for name in fresh.params["poison"]["scale"]:
         state = copied(fresh)
