@@ -65,6 +65,7 @@ scene, training = layout.Scene("{scene}"), layout.training("{scene}", "{training
 tables = scenes.across(experiments, wanted.narrowed)
 RUN = "python -m {params.command:q} 2>&1 | tee {log:q}"
 RUN_IN_THREADS = "python -m {params.command:q} --threads {threads} 2>&1 | tee {log:q}"
+RUN_ON_DEVICES = RUN_IN_THREADS.replace(" 2>", " --gpus {resources.gpu} 2>")
 
 
 report: "workflow/report/workflow.rst"

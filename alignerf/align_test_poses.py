@@ -25,7 +25,7 @@ import numpy as np
 from scipy import ndimage
 
 from alignerf import testsets
-from alignerf.io import archives, atomic, faults, images, machine, progress
+from alignerf.io import archives, atomic, faults, images, progress
 from alignerf.processes import devices
 from alignerf.scenes import prepared
 from alignerf.sfm import pose_error
@@ -68,13 +68,13 @@ OPTIONS = {
     "[truth-flow]": ("to it: the overfit", Path),
     "out": ("folder, written", Path),
     "[threads]": faults.THREADS,
+    "[gpus]": faults.GPUS,
 }
 
 
 def main(argv=None):
     args = faults.arguments(argv, __doc__, OPTIONS)
-    machine.limit(args.threads)
-    devices.take_accelerator()
+    devices.begin(args.threads, args.gpus)
     loaded = prepared.load(args.scene, args.cameras)
     method, params = renderer.read_model(args.config, args.model, loaded)
     size = loaded.width, loaded.height

@@ -16,7 +16,7 @@ from pathlib import Path
 
 import numpy as np
 
-from alignerf.io import atomic, faults, images, machine, owned, progress
+from alignerf.io import atomic, faults, images, owned, progress
 from alignerf.processes import devices
 from alignerf.scenes import prepared
 from alignerf.training import renderer
@@ -31,13 +31,13 @@ OPTIONS = {
     "[depth]": ("folder of the views' depth, written", Path),
     "timing": ("folder, written", Path),
     "[threads]": faults.THREADS,
+    "[gpus]": faults.GPUS,
 }
 
 
 def main(argv=None):
     args = faults.arguments(argv, __doc__, OPTIONS)
-    machine.limit(args.threads)
-    devices.take_accelerator()
+    devices.begin(args.threads, args.gpus)
     owned.put(args.timing, [f"{split}.json" for split in args.splits])
     start = time.perf_counter()
     loaded = prepared.load(args.scene, args.cameras)

@@ -14,7 +14,7 @@ import jax
 
 from alignerf.contributions import patch_conv
 from alignerf.experiment import jobs
-from alignerf.io import atomic, faults, machine
+from alignerf.io import atomic, faults
 from alignerf.methods import base
 from alignerf.processes import devices
 from alignerf.scenes import prepared
@@ -36,6 +36,7 @@ OPTIONS = {
     "[valid]": "folder of <view>.npz with valid pixels",
     "[initial]": "parameters to fine-tune",
     "[threads]": faults.THREADS,
+    "[gpus]": faults.GPUS,
     "[sources]": ("hash: other code starts anew", ""),
     "checkpoints": "folder to resume from",
     "learnt": "folder, written: parameters, moved cameras, warped photos",
@@ -46,8 +47,7 @@ OPTIONS = {
 
 def main(argv=None):
     args = faults.arguments(argv, __doc__, OPTIONS)
-    machine.limit(args.threads)
-    devices.take_accelerator()
+    devices.begin(args.threads, args.gpus)
     job = jobs.read(args.config)
     if Path(args.timing).is_dir():
         # Else it is said after the training, which is hours.

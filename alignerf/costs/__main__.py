@@ -24,6 +24,7 @@ OPTIONS = {
     "[work]": "JSON: what there is to do",
     "[cores]": ("of the whole plan", 1),
     "[threads]": ("of a training", 1),
+    "[gpus]": ("of a training", 1),
     "[out]": ("preflight.json, written", Path),
 }
 
@@ -69,6 +70,7 @@ def calibrate(args, job) -> estimate.Rates:
     """
     command = [sys.executable, "-m", "alignerf.costs.calibrate"]
     command += ["--scene", str(args.scene), "--threads", str(args.threads)]
+    command += ["--gpus", str(args.gpus)]
     command += ["--config", json_files.canonical(job.model_dump())]
     command += ["--started", str(time.time())]
     done = subprocess.run(command, capture_output=True, text=True)

@@ -25,14 +25,14 @@ OPTIONS = {
     "config": "job as JSON, or its file",
     "scene": "prepared scene folder",
     "[threads]": faults.THREADS,
+    "[gpus]": faults.GPUS,
     "[started]": ("when, in seconds since 1970", float),
 }
 
 
 def main(argv=None):
     args = faults.arguments(argv, __doc__, OPTIONS)
-    machine.limit(args.threads)
-    devices.take_accelerator()
+    devices.begin(args.threads, args.gpus)
     started = time.time() if args.started is None else args.started
     job = jobs.read(args.config)
     if program.hashed(job.model):

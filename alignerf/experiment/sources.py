@@ -21,9 +21,9 @@ PLUGINS = PIPELINE / "workflow" / "plugins"
 # Threads of a job that shares the machine with no other: Snakemake lowers them to its
 # `--cores`, which it need not be given for a plan or a report.
 WHOLE_MACHINE = machine.cores()
-# A training or a rendering takes an accelerator, where there is one, and all that
-# feeds it.
-ACCELERATORS = int(machine.has_accelerator())
+# A training or a rendering takes an accelerator, where there is one, or all of them,
+# and all that feeds it.
+ACCELERATORS = machine.accelerators()
 # Without one it takes half of the cores: operations of small models are too short to
 # share. Two trainings of the demo with a core each see 1.3 times as many rays a second
 # as one with two. Over 4 cores one training gains little from more (see
@@ -38,6 +38,11 @@ RUN_WHOLE = {"alignerf.causes": "causes", "alignerf.testsets": "test_sets"}
 CACHE = Path("results/.jax_cache")
 # What commands read of their own package besides code.
 DATA = (".html", ".css", ".js", ".yaml", ".cc", ".h")
+
+
+def gpus(config) -> int:
+    """Accelerators of this host that a training or a rendering takes."""
+    return ACCELERATORS if config.gpus == "all" else min(ACCELERATORS, 1)
 
 
 @functools.cache

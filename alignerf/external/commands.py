@@ -69,6 +69,7 @@ OPTIONS = {
     "scene": ("results/SCENE", Path),
     "[training]": ("its folder", Path),
     "[threads]": ("of the command", 1),
+    "[gpus]": ("of the command", 0),
 }
 
 

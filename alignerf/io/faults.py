@@ -36,6 +36,7 @@ def stated(text):
 
 FLAG, SEVERAL = {"action": "store_true"}, {"nargs": "+"}
 THREADS = "at most (default: every core)", int
+GPUS = "accelerators at most, where there are more", 1
 
 
 def arguments(argv, description, options):

@@ -1,8 +1,8 @@
 """The devices of a training: cores of a CPU, or accelerators.
 
-On accelerators each job reserves one by a file lock. On a CPU each core is a device: a
-small model's operations are too short for XLA to share one between cores. Two
-threads on two cores render a hash grid 1.9 times as fast as one does, and as two
+On accelerators each job reserves one, or several, by file locks. On a CPU each core is
+a device: a small model's operations are too short for XLA to share one between cores.
+Two threads on two cores render a hash grid 1.9 times as fast as one does, and as two
 devices they train it 1.3 times as fast as one of two threads, an MLP 1.05 times.
 """
 
@@ -18,6 +18,7 @@ import jax
 from jax.sharding import NamedSharding, PartitionSpec, SingleDeviceSharding
 
 from alignerf.io import machine
+from alignerf.kernels import compiler
 
 log = logging.getLogger("alignerf")
 
@@ -25,6 +26,8 @@ log = logging.getLogger("alignerf")
 MAX_DEVICES = 4
 # The variable of a process's share of memory: its name now, and the one before.
 MEMORY_SHARES = ("XLA_CLIENT_MEM_FRACTION", "XLA_PYTHON_CLIENT_MEM_FRACTION")
+# Of compiled programs: those are kept that took longer, of them so many bytes.
+KEPT_S, KEPT_BYTES = 0.5, 2**31
 # Locks of accelerators that this process has taken.
 _held = []
 
@@ -49,13 +52,35 @@ def use_as_devices():
             )
 
 
-def take_accelerator(device_files=Path("/dev"), locks=None):
-    """Take one of this host's NVIDIA accelerators that no other job of this user has.
+def begin(threads=None, gpus=1):
+    """Take what a command may use: threads, accelerators, programs compiled before."""
+    machine.limit(threads)
+    take_accelerators(gpus)
+    keep_programs()
 
-    Nothing is taken on a host with one accelerator, and where CUDA_VISIBLE_DEVICES is
-    set, as by Slurm. The accelerator is held until the process ends. Where each process
-    takes a share of the memory (XLA_CLIENT_MEM_FRACTION), as many processes share an
-    accelerator as fit. Raises ValueError where all are taken.
+
+def keep_programs():
+    """Let later processes find what this one compiles, in the user's cache.
+
+    A folder that is named, as by a workflow, stays.
+    """
+    if "JAX_COMPILATION_CACHE_DIR" in os.environ:
+        return
+    # Programs for one kind of processor can end the process on another.
+    folder = compiler.folder() / machine.processor()
+    jax.config.update("jax_compilation_cache_dir", str(folder))
+    jax.config.update("jax_persistent_cache_min_compile_time_secs", KEPT_S)
+    jax.config.update("jax_compilation_cache_max_size", KEPT_BYTES)
+
+
+def take_accelerators(wanted=1, device_files=Path("/dev"), locks=None):
+    """Take NVIDIA accelerators of this host that no other job of this user has.
+
+    As many as are wanted, or as are free. Nothing is taken on a host with one, and
+    where CUDA_VISIBLE_DEVICES is set, as by Slurm: a job uses all that it sees. They
+    are held until the process ends. Where each process takes a share of the memory
+    (XLA_CLIENT_MEM_FRACTION), as many processes share an accelerator as fit. Raises
+    ValueError where all are taken.
     """
     numbers = sorted(
         int(path.name.removeprefix("nvidia"))
@@ -63,23 +88,26 @@ def take_accelerator(device_files=Path("/dev"), locks=None):
     )
     if len(numbers) < 2 or "CUDA_VISIBLE_DEVICES" in os.environ:
         return
-    folder = Path(locks or tempfile.gettempdir())
+    folder, taken = Path(locks or tempfile.gettempdir()), []
     # Empty ones first.
     for slot in range(int(1 / share_of_memory(os.environ))):
         for index, number in enumerate(numbers):
+            if index in taken or len(taken) >= max(wanted, 1):
+                continue
             name = f"alignerf-{os.getuid()}-gpu{number}-{slot}.lock"
             lock = filelock.FileLock(folder / name, timeout=0)
             with contextlib.suppress(OSError):  # taken, or another user's file
                 lock.acquire()
                 _held.append(lock)
-                # CUDA numbers only those that a container shows, from 0.
-                os.environ["CUDA_DEVICE_ORDER"] = "PCI_BUS_ID"
-                os.environ["CUDA_VISIBLE_DEVICES"] = str(index)
-                return
-    raise ValueError(
-        f"all {len(numbers)} accelerators are taken: let no more jobs than that run at "
-        f"once, by --resources gpu={len(numbers)}"
-    )
+                taken.append(index)
+    if not taken:
+        raise ValueError(
+            f"all {len(numbers)} accelerators are taken: let no more jobs than that "
+            f"run at once, by --resources gpu={len(numbers)}"
+        )
+    # CUDA numbers only those that a container shows, from 0.
+    os.environ["CUDA_DEVICE_ORDER"] = "PCI_BUS_ID"
+    os.environ["CUDA_VISIBLE_DEVICES"] = ",".join(map(str, taken))
 
 
 def share_of_memory(environ) -> float:

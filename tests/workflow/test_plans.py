@@ -5,6 +5,7 @@ import pstats
 import re
 import subprocess
 import sys
+import types
 from pathlib import Path
 
 import pytest
@@ -375,18 +376,19 @@ def test_facts_decide_before_anything_is_trained_where_they_may(
     assert jobs_of(dry_run(*options)[1]) == jobs
 
 
-@pytest.mark.parametrize("accelerator", [False, True])
-def test_what_trains_has_the_accelerator_alone_or_half_of_the_cores(
-    tmp_path, monkeypatch, accelerator
+@pytest.mark.parametrize("accelerators", [0, 1, 8])
+def test_what_trains_has_the_accelerators_alone_or_half_of_the_cores(
+    monkeypatch, accelerators
 ):
-    monkeypatch.setattr(machine, "has_accelerator", lambda: accelerator)
+    monkeypatch.setattr(machine, "accelerators", lambda: accelerators)
     try:
         for cores, wanted in ((1, 1), (2, 1), (5, 2), (64, 4)):
             monkeypatch.setattr(machine, "cores", lambda cores=cores: cores)
             importlib.reload(sources)
             assert cores == sources.WHOLE_MACHINE
-            assert (cores if accelerator else wanted) == sources.OF_TRAINING
-            assert accelerator == sources.ACCELERATORS
+            assert (cores if accelerators else wanted) == sources.OF_TRAINING
+        for gpus, wanted in (("all", accelerators), (1, min(accelerators, 1))):
+            assert sources.gpus(types.SimpleNamespace(gpus=gpus)) == wanted
     finally:
         monkeypatch.undo()
         importlib.reload(sources)

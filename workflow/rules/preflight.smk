@@ -24,7 +24,7 @@ rule preflight:
         work=lambda w: costs.as_json(experiments.of(w.scene), w.scene),
     shell:
         "python -m {params.command:q} --work {params.work:q} --cores {threads}"
-        " --threads {resources.of_training} 2>&1 | tee {log:q}"
+        " --threads {resources.of_training} --gpus {resources.gpu} 2>&1 | tee {log:q}"
 
 
 # What the facts decide and what all will cost, of all scenes, before any training.

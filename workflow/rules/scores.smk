@@ -19,7 +19,7 @@ rule align_test_poses:
         command=step.align_test_poses.command,
         sources=step.align_test_poses.sources,
     shell:
-        RUN_IN_THREADS
+        RUN_ON_DEVICES
 
 
 rule evaluate:

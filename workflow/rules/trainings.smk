@@ -24,8 +24,8 @@ rule train:
         command=step.train.command,
         sources=step.train.sources,
     shell:
-        "python -m {params.command:q} --threads {threads} --sources {params.sources}"
-        " 2>&1 | tee {log:q}"
+        "python -m {params.command:q} --threads {threads} --gpus {resources.gpu}"
+        " --sources {params.sources} 2>&1 | tee {log:q}"
 
 
 rule render:
@@ -51,4 +51,4 @@ rule render:
         command=step.render.command,
         sources=step.render.sources,
     shell:
-        RUN_IN_THREADS
+        RUN_ON_DEVICES

@@ -92,6 +92,11 @@ class Config(Keys):
         True,
         "minutes and memory are estimated before any training; false starts at once",
     )
+    gpus: Literal[1, "all"] = key(
+        1,
+        "accelerators of a training or rendering: `all` shares its rays between those "
+        "that `--resources gpu=N` allows",
+    )
     scenes: named(Scene, NAME) = key(what="name -> where images and cameras come from")
     decide: bool = key(
         False,

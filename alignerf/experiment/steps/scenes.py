@@ -68,7 +68,8 @@ def preflight(experiment, w):
     command = words("alignerf.costs", scene=scene, out=scene.preflight)
     inputs = {"images": scene.images, "cameras": scene.cameras}
     inputs["decisions"] = trainings.decisions_of(experiment.config, w.scene)
-    asked = {"threads": sources.WHOLE_MACHINE, "gpu": sources.ACCELERATORS}
+    gpus = sources.gpus(experiment.config)
+    asked = {"threads": sources.WHOLE_MACHINE, "gpu": gpus}
     return Step(command, inputs, **asked)
 
 

@@ -31,7 +31,8 @@ def asks(experiment, training):
         keys = experiment.methods[training.owner].external
         found = {"gpu": keys.gpu, "memory_mb": keys.mem_mb}
         return found | {"threads": sources.OF_TRAINING}
-    return {"gpu": sources.ACCELERATORS, "threads": sources.OF_TRAINING}
+    gpus = sources.gpus(experiment.config)
+    return {"gpu": gpus, "threads": sources.OF_TRAINING}
 
 
 def render(experiment, w):
@@ -222,7 +223,8 @@ def align_test_poses(experiment, w):
     inputs = {"learnt": at.learnt, "depth": at.depth, "flow": at.flow, "truth": truth}
     inputs |= {"renders": at.renders, "photos": scene.images, "cameras": scene.cameras}
     inputs["decisions"] = trainings.decisions_of(experiment.config, w.scene)
-    asked = {"gpu": sources.ACCELERATORS, "threads": sources.OF_TRAINING}
+    gpus = sources.gpus(experiment.config)
+    asked = {"gpu": gpus, "threads": sources.OF_TRAINING}
     return Step(command, inputs, records=training.records, **asked)
 
 

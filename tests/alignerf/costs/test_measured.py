@@ -79,7 +79,9 @@ def test_a_fault_is_said_and_one_of_memory_with_what_to_do(
     python.chmod(0o755)
     monkeypatch.setattr(sys, "executable", str(python))
     with pytest.raises(ValueError, match=said):
-        costs.calibrate(types.SimpleNamespace(scene=scene, threads=1), jobs.parse(JOB))
+        costs.calibrate(
+            types.SimpleNamespace(scene=scene, threads=1, gpus=1), jobs.parse(JOB)
+        )
 
 
 def test_nothing_is_asked_for(capsys):

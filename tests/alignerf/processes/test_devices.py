@@ -48,6 +48,21 @@ print(len(jax.local_devices()))
     assert not done.stderr
 
 
+@pytest.mark.parametrize("named", [True, False])
+def test_programs_are_kept_for_the_user_where_no_folder_is_named(
+    tmp_path, monkeypatch, named
+):
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
+    monkeypatch.delenv("JAX_COMPILATION_CACHE_DIR")
+    if named:
+        monkeypatch.setenv("JAX_COMPILATION_CACHE_DIR", "elsewhere")
+    set_to = {}
+    monkeypatch.setattr(jax.config, "update", set_to.__setitem__)
+    devices.keep_programs()
+    folder = str(tmp_path / "alignerf" / machine.processor())
+    assert set_to.get("jax_compilation_cache_dir") == (None if named else folder)
+
+
 def test_a_limit_is_all_that_jax_takes(root):
     """One device, and one thread in JAX's pool, however many cores there are."""
     code = """
@@ -97,9 +112,9 @@ def four(tmp_path, monkeypatch):
     for name in ("CUDA_VISIBLE_DEVICES", "CUDA_DEVICE_ORDER", *devices.MEMORY_SHARES):
         monkeypatch.delenv(name, raising=False)
 
-    def take():
+    def take(wanted=1):
         monkeypatch.delenv("CUDA_VISIBLE_DEVICES", raising=False)
-        devices.take_accelerator(tmp_path, tmp_path)
+        devices.take_accelerators(wanted, tmp_path, tmp_path)
         return os.environ.get("CUDA_VISIBLE_DEVICES")
 
     yield take
@@ -121,6 +136,10 @@ def test_jobs_share_accelerators_where_their_memory_says_so(four, monkeypatch):
     assert [four() for _ in range(8)] == ["0", "1", "2", "3"] * 2
 
 
+def test_a_job_takes_as_many_as_it_may_and_as_are_free(four):
+    assert [four(3), four(8)] == ["0,1,2", "3"]
+
+
 @pytest.mark.parametrize("text", ["abc", "nan", "0", "-1", "2"])
 def test_a_share_of_memory_is_checked(four, monkeypatch, text):
     monkeypatch.setenv("XLA_CLIENT_MEM_FRACTION", text)
@@ -130,7 +149,7 @@ def test_a_share_of_memory_is_checked(four, monkeypatch, text):
 
 def test_what_a_cluster_has_given_is_taken(four, tmp_path, monkeypatch):
     monkeypatch.setenv("CUDA_VISIBLE_DEVICES", "7")
-    devices.take_accelerator(tmp_path, tmp_path)
+    devices.take_accelerators(2, tmp_path, tmp_path)
     assert os.environ["CUDA_VISIBLE_DEVICES"] == "7"
     assert not devices._held
 
@@ -138,6 +157,6 @@ def test_what_a_cluster_has_given_is_taken(four, tmp_path, monkeypatch):
 def test_one_accelerator_or_none_is_left_to_jax(tmp_path, monkeypatch):
     monkeypatch.delenv("CUDA_VISIBLE_DEVICES", raising=False)
     for _ in range(2):
-        devices.take_accelerator(tmp_path, tmp_path)
+        devices.take_accelerators(2, tmp_path, tmp_path)
         assert "CUDA_VISIBLE_DEVICES" not in os.environ
         (tmp_path / "nvidia0").touch()
