@@ -7,7 +7,7 @@ import jax
 import numpy as np
 
 from alignerf.processes import devices
-from alignerf.training import gradients
+from alignerf.training import gradients, renderer
 from tests import training_cases as cases
 
 METHODS = {"mipnerf360": cases.baseline(), "alignerf": cases.alignerf(patches=16)}
@@ -33,12 +33,21 @@ def losses(method, views, *, micro_batches, used):
     return found, sorted(set(collectives)), len(copies)
 
 
+def images(method, views, used):
+    """A view by some devices: [h, w, 3], for JSON."""
+    params = cases.varied(jax.jit(method.init)(jax.random.key(0)), 0.1)
+    render = renderer.Renderer(method, 23, 18, used)
+    camera = views.pixtocams[0], views.camtoworlds[0]
+    return render(params, *camera)[0].tolist()
+
+
 def main():
     views, every = cases.make_views(), jax.local_devices()
     found = {
         name: {
             "one": losses(method, views, micro_batches=1, used=every[:1]),
             "all": losses(method, views, micro_batches=2, used=every),
+            "images": [images(method, views, used) for used in (every[:1], every)],
         }
         for name, method in METHODS.items()
     }

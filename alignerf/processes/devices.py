@@ -68,6 +68,11 @@ def keep_programs():
         return
     # Programs for one kind of processor can end the process on another.
     folder = compiler.folder() / machine.processor()
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError:
+        # A home that is not there, or may not be written.
+        return
     jax.config.update("jax_compilation_cache_dir", str(folder))
     jax.config.update("jax_persistent_cache_min_compile_time_secs", KEPT_S)
     jax.config.update("jax_compilation_cache_max_size", KEPT_BYTES)

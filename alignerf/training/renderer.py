@@ -10,11 +10,13 @@ import cv2
 import jax
 import jax.numpy as jnp
 import numpy as np
+from jax.sharding import PartitionSpec
 
 from alignerf.contributions import strips
 from alignerf.experiment import jobs
+from alignerf.processes import devices
 from alignerf.scenes import cameras, prepared
-from alignerf.training import checkpoint, compose, memory, methods
+from alignerf.training import checkpoint, compose, gradients, memory, methods
 
 # Rays at once: large enough to fill the machine, small enough for its memory.
 CHUNK_RAYS = 4096
@@ -46,15 +48,21 @@ class Renderer:
     Renderers of one model share it, whatever the scene and the size of its photos.
     """
 
-    def __init__(self, method, width, height):
+    def __init__(self, method, width, height, shared=None):
+        """shared: devices that share a view; all accelerators, of a CPU only one."""
         memory.keep_freed()
         self.width, self.height, self.halo = width, height, method.halo
-        count = width * height
-        self.chunk = min(CHUNK_RAYS, -(-count // CACHED_RAYS) * CACHED_RAYS)
-        self.strip = min(height, -(-STRIP_PIXELS // width))
         on_cpu = jax.local_devices()[0].platform == "cpu"
-        at_once = CACHED_RAYS if on_cpu else self.chunk
-        self._render = functools.partial(render_pixels, method.render, at_once)
+        # On a CPU each renders a view.
+        shared = shared or jax.local_devices()[: 1 if on_cpu else None]
+        self.mesh = gradients.make_mesh(len(shared), shared)
+        part = -(-width * height // (CACHED_RAYS * len(shared))) * CACHED_RAYS
+        part = min(CHUNK_RAYS, part)
+        self.chunk = part * len(shared)
+        self.strip = min(height, -(-STRIP_PIXELS // width))
+        at_once = CACHED_RAYS if on_cpu else part
+        options = method.render, at_once, self.mesh
+        self._render = functools.partial(render_pixels, *options)
         self.bounds = np.asarray(method.bounds, np.float32) if method.bounds else None
         self._colours = functools.partial(clipped_colours, method.colours)
 
@@ -65,6 +73,8 @@ class Renderer:
         no meaning, and depth 0. Raises ValueError for colours that are not finite.
         """
         camera = [jnp.asarray(m, jnp.float32) for m in (pixtocam, camtoworld)]
+        if self.mesh:
+            params = devices.place(params, self.mesh)
         depth = np.zeros(self.width * self.height, np.float32)
         image = strips.colours(
             self.values(params, camera, self.seen_by(wanted), depth_out=depth),
@@ -94,7 +104,7 @@ class Renderer:
         for chunk in self.chunks(pixels):
             y, x = np.divmod(chunk.astype(np.int32), np.int32(self.width))
             at = np.stack([x, y])
-            rendered, depth = self._render(params, at, self.bounds, *camera)
+            rendered, depth = self._render(at, params, self.bounds, *camera)
             depth_out[chunk] = depth
             end = chunk[-1] + 1
             block = np.zeros((end - done, rendered.shape[-1]), rendered.dtype)
@@ -117,21 +127,31 @@ class Renderer:
         return np.round(rgb * 255.0).astype(np.uint8)
 
 
-@functools.partial(jax.jit, static_argnums=(0, 1))
-def render_pixels(render_rays, at_once, params, at, bounds, pixtocam, camtoworld):
+@functools.partial(jax.jit, static_argnums=(0, 1, 2))
+def render_pixels(render_rays, at_once, mesh, at, params, *view):
     """(values [n, c], depth [n]) of the pixels (x, y) `at` [2, n].
 
-    `at_once` rays one after the other; bounds [3] of `methods.Method`, or None.
+    Each device of a mesh renders its share, `at_once` rays after the others. view:
+    bounds [3] of `methods.Method`, or None; pixtocam, camtoworld.
     """
 
-    def render(at):
-        rays = cameras.pixels_to_rays(*at, pixtocam, camtoworld)
-        rendering = render_rays(params, methods.bounded(rays, bounds))
-        return rendering.values, rendering.depth
+    def of_device(at, params, bounds, *camera):
+        def render(at):
+            rays = cameras.pixels_to_rays(*at, *camera)
+            rendering = render_rays(params, methods.bounded(rays, bounds))
+            return rendering.values, rendering.depth
 
-    parts = jnp.moveaxis(at.reshape(2, -1, at_once), 1, 0)
-    values, depth = jax.lax.map(render, parts)
-    return jnp.concatenate(values), depth.ravel()
+        parts = jnp.moveaxis(at.reshape(2, -1, at_once), 1, 0)
+        values, depth = jax.lax.map(render, parts)
+        return jnp.concatenate(values), depth.ravel()
+
+    if mesh:
+        specs = PartitionSpec(None, gradients.AXIS), *[PartitionSpec()] * 4
+        out = PartitionSpec(gradients.AXIS)
+        of_device = jax.shard_map(
+            of_device, mesh=mesh, in_specs=specs, out_specs=out, check_vma=False
+        )
+    return of_device(at, params, *view)
 
 
 @functools.partial(jax.jit, static_argnums=0)
