@@ -1,9 +1,10 @@
 """Parameters and training states on disk: whole, checked, never pickled.
 
-A folder of checkpoints holds `state-<step>.msgpack` and `manifest.json`, which
-names the newest one with its SHA-256, the job's fingerprint, the time spent and the
-number of micro-batches.
-The manifest is replaced last, so a killed writer leaves the previous state.
+A folder of checkpoints holds `state-<step>.msgpack` of two steps and `manifest.json`,
+which names the newest one with its SHA-256, the job's fingerprint, the time spent and
+the number of micro-batches, and so, in `before`, the one before it.
+The manifest is replaced last, so a killed writer leaves the previous state. Where
+results lie in a bucket, the folder is copied there.
 With a budget of minutes, `budget.json` holds the number of steps; it is written before
 the first step.
 """
@@ -21,13 +22,16 @@ import flax.serialization
 import jax
 import numpy as np
 
-from alignerf.io import atomic, faults, json_files, owned
+from alignerf.io import atomic, bucket, faults, json_files, owned
 
 log = logging.getLogger("alignerf")
 
 # What the files of a folder of checkpoints say, and of what kind it is.
 MANIFEST = dict.fromkeys(("file", "sha256", "identity"), str)
 MANIFEST |= {"time_s": json_files.NUMBER, "parts": int}
+# Those of older versions say nothing of the last numbers, nor of a state before.
+ENTRY = MANIFEST | {"final": json_files.OrNone({str: json_files.NUMBER})}
+BEFORE = {"before": json_files.OrNone(ENTRY)}
 BUDGET = {"identity": str, "steps": int, "steps_per_s": json_files.NUMBER}
 
 
@@ -49,7 +53,8 @@ def digest(tree):
 def lock(folder):
     """Hold a checkpoint folder alone; a second trainer is refused, not queued.
 
-    A killed Snakemake leaves its training running: two writers would ruin both.
+    A killed Snakemake leaves its training running: two writers would ruin both. An
+    empty folder takes what the bucket has of it.
     """
     folder = pathlib.Path(folder)
     owned.check_links(folder / "lock")
@@ -57,6 +62,8 @@ def lock(folder):
     held = filelock.FileLock(folder / "lock", timeout=0)
     try:
         with held:
+            if not manifest_of(folder).exists():
+                bucket.fetch(folder)
             yield
     except filelock.Timeout:
         raise ValueError(
@@ -65,26 +72,39 @@ def lock(folder):
 
 
 def save(folder, state, *, identity, time_s, micro_batches, final):
-    """Write a state as the folder's newest checkpoint.
+    """Write a state as the folder's newest checkpoint, and keep the one before it.
 
     micro_batches: their number, on which the rounding of a step depends. final: the
     numbers of the last steps.
     """
-    state = jax.device_get(state)
+    state, path = jax.device_get(state), manifest_of(folder)
     facts = {"identity": identity, "time_s": time_s, "parts": micro_batches}
     data, step = flax.serialization.to_bytes(state), int(state.step)
-    write_named(manifest_of(folder), "state", step, data, **facts, final=final)
+    try:
+        others = [
+            e for e in _read_manifest(path) if e["file"] != f"state-{step}.msgpack"
+        ]
+    except (OSError, ValueError):
+        others = []
+    facts |= {"final": final, "before": others[0] if others else None}
+    write_named(path, "state", step, data, **facts)
 
 
-def write_named(manifest, prefix, number, data, **facts):
-    """Write <prefix>-<number>.msgpack and the manifest of it; older ones go."""
+def write_named(manifest, prefix, number, data, *, before=None, **facts):
+    """Write <prefix>-<number>.msgpack and the manifest of it; older ones go.
+
+    before: the entry of one that stays.
+    """
     file = manifest.with_name(f"{prefix}-{number}.msgpack")
     write(file, data)
-    named = {"file": file.name, "sha256": hashlib.sha256(data).hexdigest()}
-    write(manifest, json.dumps(named | facts, indent=1).encode())
-    for old in manifest.parent.glob(f"{prefix}-*.msgpack"):
-        if old != file:
-            old.unlink()
+    named = {"file": file.name, "sha256": hashlib.sha256(data).hexdigest(), **facts}
+    write(manifest, json.dumps(named | {"before": before}, indent=1).encode())
+    kept = {file.name, before and before["file"]}
+    files = manifest.parent.glob(f"{prefix}-*.msgpack")
+    gone = [old for old in files if old.name not in kept]
+    for old in gone:
+        old.unlink()
+    bucket.put([file, manifest], gone)
 
 
 def read_named(path, manifest, prefix):
@@ -109,7 +129,7 @@ def read_micro_batches(folder) -> int | None:
     `restore` logs the faults of a manifest.
     """
     try:
-        return _read_manifest(manifest_of(folder))["parts"]
+        return _read_manifest(manifest_of(folder))[0]["parts"]
     except (OSError, ValueError):
         return None
 
@@ -117,7 +137,9 @@ def read_micro_batches(folder) -> int | None:
 def save_budget(folder, *, identity, steps, steps_per_s):
     """Write budget.json: the steps of a job's budget, and the measured speed."""
     budget = {"identity": identity, "steps": steps, "steps_per_s": steps_per_s}
-    write(pathlib.Path(folder) / "budget.json", json.dumps(budget, indent=1).encode())
+    path = pathlib.Path(folder) / "budget.json"
+    write(path, json.dumps(budget, indent=1).encode())
+    bucket.put([path])
 
 
 def read_budget(folder, *, identity) -> dict | None:
@@ -139,36 +161,49 @@ def read_budget(folder, *, identity) -> dict | None:
 
 
 def restore(folder, template, *, identity):
-    """The newest state and its manifest, or None where none fits.
+    """The newest whole state of a job and its entry in the manifest, or None.
 
     A damaged checkpoint, or one of another job (other config, photos or initial
-    weights), is logged and ignored; training then starts anew.
+    weights, or, after the last slash of its identity, other code), is logged and
+    ignored; without another one training starts anew.
     """
-    path = manifest_of(folder)
     try:
-        manifest = _read_manifest(path)
-        if manifest["identity"] != identity:
-            log.info("%s: checkpoint of another configuration, starting anew", folder)
-            return None
-        data = read_named(path, manifest, "state")
-        return _from_bytes(template, data, folder), manifest
+        entries = _read_manifest(manifest_of(folder))
+        own = [entry for entry in entries if entry["identity"] == identity]
     except FileNotFoundError:
         return None
     except (OSError, ValueError) as error:
         log.warning("%s: checkpoint not usable, starting anew: %s", folder, error)
         return None
+    for entry in own:
+        try:
+            data = read_named(manifest_of(folder), entry, "state")
+            return _from_bytes(template, data, folder), entry
+        except (OSError, ValueError) as error:
+            log.warning("%s: checkpoint not usable: %s", folder, error)
+    job = identity.rpartition("/")[0]
+    same = job and entries[0]["identity"].rpartition("/")[0] == job
+    # It takes two checkpoints until the one that is left is gone.
+    if same and not own:
+        said = "of this configuration by other code: keep a copy, or restore that code"
+        log.warning("%s: %s is %s; starting anew", folder, entries[0]["file"], said)
+    else:
+        said = "checkpoint of another configuration, " * (not own)
+        log.info("%s: %sstarting anew", folder, said)
+    return None
 
 
 def _read_manifest(path):
-    """The manifest of a folder; ValueError where it is none."""
+    """Its entries, the newest first; ValueError where it is no manifest."""
     if not path.exists():
         raise FileNotFoundError(path)
-    # Older ones say nothing of the last numbers.
-    manifest = {"final": {}} | json_files.read(path, MANIFEST)
-    json_files.check(manifest, {"final": {str: json_files.NUMBER}})
-    if not (manifest["time_s"] >= 0 and manifest["parts"] >= 1):
-        raise ValueError("time_s or parts is negative")
-    return manifest
+    newest = json_files.read(path, ENTRY | BEFORE)
+    entries = [newest, *filter(None, [newest.pop("before", None)])]
+    for entry in entries:
+        entry["final"] = entry.get("final") or {}
+        if not (entry["time_s"] >= 0 and entry["parts"] >= 1):
+            raise ValueError("time_s or parts is negative")
+    return entries
 
 
 def write_params(path, params):

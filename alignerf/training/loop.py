@@ -68,9 +68,12 @@ def begin(
     """
     aligner = aligner or NoAligner()
     kernels = calls.name_of(job.training.kernels)
-    data = checkpoint.digest((params, views)), sources, kernels
-    job, built, facts = in_budget(job, method, built, params, views, checkpoints, data)
-    identity = checkpoint.fingerprint(job.model_dump(), *data)
+    data, code = checkpoint.digest((params, views)), (sources, kernels)
+    known = (data, *code)
+    job, built, facts = in_budget(job, method, built, params, views, checkpoints, known)
+    # What differs after the slash is code alone.
+    identity = checkpoint.fingerprint(job.model_dump(), data)
+    identity += f"/{checkpoint.fingerprint(*code)}"
     facts |= describe(job, method, params)
     aligner.begin(job.steps, identity)
     fresh = Resumed(program.fresh_state(built.optimizer, params), 0.0, None, {})
@@ -209,10 +212,12 @@ def run_steps(run):
     done, pending = int(run.state.step), []
     saved = fetched = time.perf_counter()
     bar = progress.Progress(run.job.stage, steps, done=done)
-    with contextlib.closing(bar):
+    # A checkpoint that is being written is written to its end, whatever happens.
+    with contextlib.closing(bar), run.writer:
         while done < steps:
             if done in places:
                 run.save()
+                run.wait()
                 run.align()
                 saved = fetched = time.perf_counter()
             run.state, stats = run.program.step(run.state, run.views, schedule)
@@ -229,3 +234,4 @@ def run_steps(run):
             if now - saved > CHECKPOINT_EVERY_S or done == steps:
                 run.save()
                 saved = time.perf_counter()
+        run.wait()

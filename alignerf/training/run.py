@@ -1,9 +1,10 @@
 """A running training: its state, and what the loop does between steps.
 
 `loop.run_steps` makes the steps. A `Run` fetches the steps' numbers, saves
-checkpoints, and calls the aligner for photos and cameras.
+checkpoints in a thread, and calls the aligner for photos and cameras.
 """
 
+import concurrent.futures
 import dataclasses
 import time
 from typing import Any
@@ -14,6 +15,10 @@ import numpy as np
 from alignerf.experiment import jobs
 from alignerf.processes import devices
 from alignerf.training import checkpoint, diagnose, memory, program
+
+# A training diverges where of so many looks at its loss, and all since the last
+# checkpoint, each is so many times that of the start: patches differ by less.
+MIN_LOOKS, WORSE = 10, 1.25
 
 
 @dataclasses.dataclass
@@ -35,6 +40,12 @@ class Run:
     spent_s: float  # seconds of earlier processes, from the checkpoint
     aside: tuple | None = None  # the other method and program, see `switch`
     started_s: float = dataclasses.field(default_factory=time.perf_counter)
+    losses: list = dataclasses.field(default_factory=list)  # since the last checkpoint
+    # Writes checkpoints; `saving` is the one that it writes.
+    writer: Any = dataclasses.field(
+        default_factory=lambda: concurrent.futures.ThreadPoolExecutor(1)
+    )
+    saving: Any = None
 
     def time_s(self):
         """Seconds of all steps, alignments and saves so far, without compilation."""
@@ -42,13 +53,40 @@ class Run:
         return round(self.spent_s + passed_s, 3)
 
     def save(self):
-        """Write a checkpoint; ValueError where the parameters are not finite."""
+        """Begin to write a checkpoint, once the one before is written.
+
+        ValueError where the parameters are not finite, or the loss has risen: the two
+        checkpoints before stay.
+        """
         check_finite(self.state)
+        self.check_loss()
+        self.wait()
         facts = {"identity": self.identity, "time_s": self.time_s()}
         # Of both programs that of the first, with which a run begins anew.
         first = self.aside[1] if self.aligner.learning else self.program
         facts |= {"micro_batches": first.micro_batches, "final": self.numbers}
-        checkpoint.save(self.checkpoints, self.state, **facts)
+        # The next step takes the state's own memory.
+        state = jax.tree.map(np.array, jax.device_get(self.state))
+        save = checkpoint.save
+        self.saving = self.writer.submit(save, self.checkpoints, state, **facts)
+
+    def wait(self):
+        """Wait until the last checkpoint is written; raises what its writing has."""
+        if self.saving:
+            self.saving.result()
+
+    def check_loss(self):
+        """ValueError where the loss stays above that of the start."""
+        if len(self.losses) < MIN_LOOKS:
+            return
+        least, first = min(self.losses), self.numbers["first_loss"]
+        if least > WORSE * first:
+            raise ValueError(
+                f"training diverges before step {int(self.state.step)}: its loss, "
+                f"{first:.3g} at the start, stays above {least:.3g}; lower "
+                "learning_rates"
+            )
+        self.losses.clear()
 
     def align(self):
         """Align cameras and photos, and replace the views by the aligned ones."""
@@ -90,9 +128,12 @@ class Run:
         numbers = jax.device_get(stats)
         if not all(map(is_finite, numbers)):
             raise ValueError(self.explain())
-        self.numbers = {
+        means = {
             key: float(np.mean([step[key] for step in numbers])) for key in numbers[0]
         }
+        first = self.numbers.get("first_loss", means["loss"])
+        self.numbers = means | {"first_loss": first}
+        self.losses.append(means["loss"])
 
     def explain(self):
         """A text: why the step from this state is not finite.

@@ -13,6 +13,7 @@ import numpy as np
 from alignerf.experiment import jobs
 from alignerf.scenes import prepared
 from alignerf.training import compose, loop, memory, program
+from alignerf.training import run as train_run
 from tests import job_cases as cases
 
 
@@ -41,6 +42,29 @@ def test_a_training_that_diverges_stops_with_the_step(
     assert {path.name for path in tmp_path.rglob("*")} <= {"checkpoints", "lock"}
 
 
+def test_a_loss_that_stays_above_that_of_the_start_stops(
+    folder, tmp_path, monkeypatch, capsys
+):
+    """What was saved before it rose is kept."""
+    method = compose.make_method(jobs.parse(cases.JOB))
+
+    def terms(params, batch, share):
+        values, shown = method.terms(params, batch, share)
+        return values | {"distortion": jnp.where(share > 0.3, 9.0, 0.1)}, shown
+
+    rising = method._replace(terms=terms)
+    monkeypatch.setattr(compose, "make_method", lambda job, loaded: rising)
+    monkeypatch.setattr(loop, "CHECKPOINT_EVERY_S", 0.0)
+    monkeypatch.setattr(loop, "FETCH_EVERY", 1)
+    monkeypatch.setattr(train_run, "MIN_LOOKS", 3)
+    line = cases.stops(capsys, lambda: cases.run(folder, tmp_path))
+    wanted = r"training diverges before step 9: its loss, 0.\d+ at the start, stays "
+    assert re.search(wanted + r"above 9\.\d+; lower learning_rates$", line)
+    names = {path.name for path in (tmp_path / "checkpoints").iterdir()}
+    assert names >= {"state-7.msgpack", "state-8.msgpack"}
+    assert not (tmp_path / "learnt").exists()
+
+
 def test_the_first_fault_stops_the_job_and_keeps_its_checkpoint(
     folder, tmp_path, monkeypatch, capsys
 ):
@@ -63,7 +87,8 @@ def test_the_first_fault_stops_the_job_and_keeps_its_checkpoint(
         wanted = "diverged at step 10: not finite: distortion loss; in rays of v2"
         assert line == f"error: training {wanted}"
         names = {path.name for path in (tmp_path / "checkpoints").iterdir()}
-        assert names - {"lock"} == {"manifest.json", "state-8.msgpack"}
+        states = {"state-4.msgpack", "state-8.msgpack"}
+        assert names - {"lock"} == {"manifest.json", *states}
         assert not (tmp_path / "learnt" / "model.msgpack").exists()
 
 

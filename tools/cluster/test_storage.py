@@ -5,10 +5,12 @@ import shutil
 import subprocess
 import typing
 import urllib.request
+from pathlib import Path
 
 import pytest
 import yaml
 
+from tests import job_cases
 from tools.cluster import kubernetes_api
 from tools.torture import chains
 
@@ -150,3 +152,28 @@ def test_pods_share_nothing(tmp_path, root, config, profile, bucket, snakemake):
         pod["containers"][0]["resources"]["requests"] for pod in cluster.pods.values()
     ]
     assert any(one.get("nvidia.com/gpu") == "1" for one in asked)
+
+
+def test_a_training_whose_pod_is_killed_goes_on_in_another(
+    tmp_path, bucket, monkeypatch, caplog
+):
+    """Bit for bit, from what the first one has copied into the bucket."""
+    for name, value in bucket.variables.items():
+        monkeypatch.setenv(name, value)
+    bucket.service.create_bucket(Bucket=BUCKET)
+    (tmp_path / "scene").mkdir()
+    scene = job_cases.make_scene(tmp_path / "scene")
+    wanted = job_cases.run(scene, tmp_path / "whole")
+    at = f".snakemake/storage/s3/{BUCKET}/{PREFIX}/results/tiny/plain/round0"
+    with monkeypatch.context() as patched:
+        job_cases.kill_after_save(patched, 8)
+        with pytest.raises(job_cases.Killed):
+            job_cases.run(scene, tmp_path / "pod" / at)
+    names = {Path(key).name for key in bucket.contents()}
+    assert names == {"manifest.json", "state-4.msgpack", "state-8.msgpack"}
+    caplog.set_level("INFO", "alignerf")
+    assert job_cases.run(scene, tmp_path / "other" / at) == wanted
+    assert f"resuming at step 8 of {job_cases.STEPS}" in caplog.text
+    monkeypatch.setenv("SNAKEMAKE_STORAGE_S3_ENDPOINT_URL", "http://127.0.0.1:9")
+    with pytest.raises(ValueError, match="checkpoints: not read from the bucket: "):
+        job_cases.run(scene, tmp_path / "third" / at)

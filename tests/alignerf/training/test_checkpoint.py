@@ -34,11 +34,11 @@ def state(rng):
     return train_step.State(step, params, optimizer.init(params))
 
 
-def save(folder, state, time_s=2.5):
+def save(folder, state, time_s=2.5, identity="job"):
     checkpoint.save(
         folder,
         state,
-        identity="job",
+        identity=identity,
         time_s=time_s,
         micro_batches=4,
         final={"loss": 0.5},
@@ -66,22 +66,37 @@ def test_comes_back_bit_for_bit(tmp_path, state):
     assert manifest["final"] == {"loss": 0.5}
 
 
-def test_only_the_newest_is_kept(tmp_path, state):
-    save(tmp_path, state)
-    newer = state._replace(step=jnp.asarray(9, jnp.int32))
-    save(tmp_path, newer, time_s=3.0)
-    found, manifest = restore(tmp_path, state)
-    same(found, newer)
-    assert manifest["time_s"] == 3.0
+def test_the_last_two_are_kept(tmp_path, state, caplog):
+    """A step that is written twice is one of them; the older one does in need."""
+    for step, time_s in ((7, 2.5), (8, 2.75), (9, 2.9), (9, 3.0)):
+        save(tmp_path, state._replace(step=jnp.asarray(step, jnp.int32)), time_s)
     names = {path.name for path in tmp_path.iterdir()}
-    assert names == {"state-9.msgpack", "manifest.json"}
+    assert names == {"state-8.msgpack", "state-9.msgpack", "manifest.json"}
+    for step, time_s in ((9, 3.0), (8, 2.75)):
+        found, manifest = restore(tmp_path, state)
+        same(found, state._replace(step=np.asarray(step, np.int32)))
+        assert (manifest["time_s"], manifest["final"]) == (time_s, {"loss": 0.5})
+        (tmp_path / f"state-{step}.msgpack").write_bytes(b"damaged")
+    assert restore(tmp_path, state) is None
+    assert "state-8.msgpack is damaged" in caplog.text
 
 
-def test_another_job_starts_anew(tmp_path, state, caplog):
-    save(tmp_path, state)
+@pytest.mark.parametrize(
+    ("other", "said"),
+    [
+        ("other", "of another configuration, starting anew"),
+        ("other/code", "of another configuration, starting anew"),
+        ("job/new", "state-7.msgpack is of this configuration by other code: keep a"),
+    ],
+)
+def test_another_job_starts_anew(tmp_path, state, caplog, other, said):
+    """Its first checkpoint leaves that of before, which its own job still finds."""
+    save(tmp_path, state, identity="job/code")
     caplog.set_level("INFO", "alignerf")
-    assert restore(tmp_path, state, identity="other") is None
-    assert "another configuration" in caplog.text
+    assert restore(tmp_path, state, identity=other) is None
+    assert said in caplog.text
+    save(tmp_path, state._replace(step=jnp.asarray(1, jnp.int32)), identity=other)
+    same(restore(tmp_path, state, identity="job/code")[0], state)
 
 
 def test_a_flipped_byte_anywhere_starts_anew(tmp_path, state, caplog, rng):
@@ -111,8 +126,12 @@ def test_an_unreadable_manifest_starts_anew(tmp_path, state, content):
     "changes",
     [
         *({"file": 3}, {"file": "../state-9.msgpack"}, {"file": "manifest.json"}),
-        *({"sha256": None}, {"sha256": "x"}, {"identity": 1}, {"final": None}),
-        *({"final": {"loss": "x"}}, {"final": {"loss": float("nan")}}),
+        *({"sha256": None}, {"sha256": "x"}, {"identity": 1}, {"before": 3}),
+        *(
+            {"before": {"file": "state-7.msgpack"}},
+            {"final": {"loss": "x"}},
+            {"final": {"loss": float("nan")}},
+        ),
         *({"time_s": "x"}, {"time_s": float("inf")}, {"time_s": -1}),
         *({"parts": 0}, {"parts": True}, {"parts": 1.5}, {"parts": None}),
         *({key: ...} for key in checkpoint.MANIFEST),
