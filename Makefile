@@ -12,6 +12,16 @@
 # CORES=2 limits the cores, VERBOSE=1 shows all output. More commands: make help-all
 #
 # make show                 print the tables and verdicts of finished runs
+# make table1               make a table of the paper; SCENE=fox_small: of one scene.
+#                           OPTIONS=-n counts the jobs, CONFIG=my.yaml takes your config
+# make table2               the same of Table 2
+# make table3               the same of Table 3
+# make table4               the same of Table 4
+# make figures              draw the paper's figures
+# make tradeoff             compare what settings cost and bring
+# make paper                make all of these
+# make comparison           compare all methods on all scenes
+# make preview              print what a run will cost
 # make cluster              install plugins for Slurm, Kubernetes and S3
 # make clean                delete the results of this program, and no other files
 # make check                run the tests that a change reaches, for a minute
@@ -33,13 +43,15 @@ CORES ?= $(shell nproc 2>/dev/null || sysctl -n hw.ncpu)
 export PATH := $(abspath $(BIN)):$(PATH)
 # JUDGE and POSES: as the options of these commands were called before.
 OPTIONS ?= $(JUDGE)$(POSES)
+# Of Snakemake's, called alike.
+TARGETS := table1 table2 table3 table4 figures tradeoff paper comparison preview
 # What a user gives is handed on by its value alone: exported as it is, make would expand
 # it, and `$(shell ...)` in a folder's name would run.
-unexport FOLDER SCENE WIDTH PHOTOS RENDERS SPLAT CAMERAS DEPTH OPTIONS JUDGE POSES PEER PEERS BENCH TORTURE
+unexport FOLDER SCENE WIDTH CONFIG PHOTOS RENDERS SPLAT CAMERAS DEPTH OPTIONS JUDGE POSES PEER PEERS BENCH TORTURE
 
 # `exec`: who ends make by a signal ends the program, and not a shell around it alone.
 .DEFAULT_GOAL := help
-.PHONY: help help-all run show photos poses judge export check test tools bench peers torture docs site lint cluster lock clean
+.PHONY: help help-all run show photos poses judge export $(TARGETS) check test tools bench peers torture docs site lint cluster lock clean
 
 help:
 	@sed -n '/^# make show/q; s/^# \{0,1\}//p' $(firstword $(MAKEFILE_LIST))
@@ -79,6 +91,12 @@ export: export EXPORT_WIDTH := $(value WIDTH)
 export: $(VENV)/.installed
 	@exec python -m alignerf.cli.export --cores $(CORES) \
 		$(if $(value WIDTH),"--width=$$EXPORT_WIDTH") $(OPTIONS) -- "$$EXPORT_OF"
+
+$(TARGETS): export ASKED_CONFIG := $(value CONFIG)
+$(TARGETS): export ASKED_SCENE := $(value SCENE)
+$(TARGETS): $(VENV)/.installed
+	@exec python -m snakemake --cores $(CORES) $(if $(value CONFIG),--configfile "$$ASKED_CONFIG") \
+		$(OPTIONS) -- $@ $(if $(value SCENE),"$$ASKED_SCENE")
 
 # What others add; benchmarks, the torture and the packaging; the page in a browser, and
 # of a long list of damaged files.

@@ -23,6 +23,7 @@ import sys
 sys.path.insert(0, workflow.basedir)
 
 from snakemake.cli import get_argument_parser
+from snakemake.settings.enums import Quietness
 from snakemake.utils import min_version
 
 from alignerf.costs import estimate as costs
@@ -49,7 +50,11 @@ gc.set_threshold(1_000_000)
 # what they are told to.
 words = [] if workflow.is_main_process else None
 if workflow.is_main_process and "snakemake" in sys.argv[0].split("/")[-2:]:
-    words = get_argument_parser().parse_known_args()[0].targets
+    typed = get_argument_parser().parse_known_args()[0]
+    words = typed.targets
+    # A dry run says how many jobs each rule has; with VERBOSE=1 it tells each of them.
+    if typed.dryrun and typed.quiet is None and not asked.is_verbose():
+        workflow.output_settings.quiet = {Quietness.RULES, Quietness.PROGRESS}
 
 # A config of the user's differs from the defaults, and not from one that is shipped.
 files = workflow.overwrite_configfiles

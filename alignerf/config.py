@@ -1,14 +1,14 @@
 """Write a scene's complete config: `python -m alignerf.config`.
 
 A config says only what differs from the defaults. The complete config, written beside
-the results, tells how these were made. `--check FILE` looks at a config without
-planning, `--schema` prints the schema of `workflow/schemas/config.schema.yaml`.
+the results, tells how these were made. `--check FILE` looks at a config and says what
+it asks for, `--schema` prints the schema of `workflow/schemas/config.schema.yaml`.
 """
 
 import yaml
 from pydantic import json_schema
 
-from alignerf.experiment import check
+from alignerf.experiment import check, plan
 from alignerf.experiment.keys import config as config_keys
 from alignerf.io import atomic, faults, json_files, yaml_files
 
@@ -33,12 +33,25 @@ def main(argv=None):
         print(schema_text(), end="")
     if args.check:
         config = yaml_files.read(args.check)
-        check.checked({} if config is None else config, [args.check])
+        config = check.checked({} if config is None else config, [args.check])
+        print(told(plan.Experiment(config)))
     if args.config:
         config = json_files.of_config(args.config)
         check.checked(config)
         with atomic.replace_file(args.out) as path:
             path.write_text(as_yaml(config))
+
+
+def told(experiment):
+    """What a config that is right asks for, in a line."""
+    counts = {
+        "scene": len(experiment.captures()),
+        "method": len(experiment.methods),
+        "training": sum(len(experiment.trainings(one)) for one in experiment.scenes),
+    }
+    return "ok: " + ", ".join(
+        f"{n} {what}{'s' * (n != 1)}" for what, n in counts.items()
+    )
 
 
 class ForEditors(json_schema.GenerateJsonSchema):

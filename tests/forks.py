@@ -57,6 +57,7 @@ class Forks:
         words = [*PLAIN, "--directory", folder, "--snakefile", f"{root}/Snakefile"]
         copy = os.path.realpath(root) != ROOT
         variables = {"PYTHONPATH": str(root)} if copy else {}
+        variables |= {"VERBOSE": os.environ.get("VERBOSE", "1")}
         return self.run("snakemake", *words, *arguments, variables=variables)
 
     def run(self, module, *words, variables=None):

@@ -15,6 +15,11 @@ LIKENESS = 0.7
 SHOWN = {"psnr_db": ("PSNR", ".2f"), "ssim": ("SSIM", ".3f"), "lpips": ("LPIPS", ".3f")}
 
 
+def is_verbose():
+    """Whether a user wants to see all that Snakemake says."""
+    return bool(os.environ.get("VERBOSE"))
+
+
 class Asked(NamedTuple):
     """A command line's targets, and the plan that they are of.
 

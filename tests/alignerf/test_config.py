@@ -10,7 +10,9 @@ from alignerf.experiment import plan
 from alignerf.io import faults
 
 
-def test_a_complete_config_is_written_in_its_order(demo, experiment_of, tmp_path):
+def test_a_complete_config_is_written_in_its_order(
+    demo, experiment_of, tmp_path, capsys
+):
     experiment = experiment_of(demo)
     text = plan.complete_config(experiment, "courtyard")
     config.main(["--config", text, "--out", str(tmp_path / "config.yaml")])
@@ -18,6 +20,9 @@ def test_a_complete_config_is_written_in_its_order(demo, experiment_of, tmp_path
     assert found == json.loads(text)
     assert list(found["methods"]) == list(demo["methods"])
     config.main(["--check", str(tmp_path / "config.yaml")])
+    trainings = len(experiment.trainings("courtyard"))
+    asked = f"ok: 1 scene, {len(demo['methods'])} methods, {trainings} trainings\n"
+    assert capsys.readouterr().out == asked
 
 
 @pytest.mark.parametrize(

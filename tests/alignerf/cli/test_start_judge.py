@@ -256,6 +256,12 @@ def test_what_is_missing_is_named(here, runs, changes, says):
             ("SCENE=my photos", "WIDTH=$(shell touch x)"),
             ("my photos", "--width=$(shell touch x)"),
         ),
+        ("table1", ("OPTIONS=-n --config small=false",), ("=false', '--', 'table1']",)),
+        (
+            "table3",
+            ("SCENE=fox small", "CONFIG=my $(shell touch x).yaml"),
+            ("'my $(shell touch x).yaml', '--', 'table3', 'fox small']",),
+        ),
     ],
 )
 def test_make_hands_on_values_as_they_are(handed_on, tmp_path, target, names, words):
