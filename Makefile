@@ -169,6 +169,11 @@ lock:
 		--universal --python-version 3.11 --fork-strategy fewest \
 		--no-annotate --no-header --generate-hashes \
 		--constraint requirements.lock --output-file requirements-site.lock
+	@$(MAKE) --no-print-directory environment.yml
+
+# The pins of the lock, with what they are for, and without their hashes.
+environment.yml: requirements.lock
+	@head="$$(sed '/ pip:$$/q' $@)" && { echo "$$head"; sed -n 's/ *\\$$//; s/^[a-z].*==/      - &/p' $<; } > $@
 
 # Nothing is installed for it.
 clean:
