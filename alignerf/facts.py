@@ -2,7 +2,7 @@
 
 Facts: number and size of the views, how the cameras stand, the nearest and the farthest
 depth, how well the poses fit, how much exposure changes, and which photos are soft.
-Lengths are in units of the normalised scene, in which the largest coordinate of a
+Lengths are in units of the normalized scene, in which the largest coordinate of a
 camera is 1. An unknown fact is null.
 """
 

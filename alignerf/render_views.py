@@ -5,7 +5,7 @@ a view. Writes <view>.png, where asked <view>.npz with its depth, and a timing f
 below the folders that are named, each with an entry for each split.
 
 depth [h, w] float32: along the optical axis (z-depth, not along the ray), in units
-of the normalised scene (max |t| = 1), where half of a ray's weight is passed: the
+of the normalized scene (max |t| = 1), where half of a ray's weight is passed: the
 middle of that interval, so its error is that interval's length at best.
 """
 

@@ -143,7 +143,7 @@ def say(row):
         warped = row["photos_warped"]
         clauses.append(f"{warped} photos warped, {share:.1%} of the median")
     if "learning" in row:
-        clauses.append(f"cameras {'are learnt' if row['learning'] else 'stay'}")
+        clauses.append(f"cameras {'are learned' if row['learning'] else 'stay'}")
     log.info("aligned at step %d: %s", row["step"], "; ".join(clauses))
     for reason, views in row.get("left_alone", {}).items():
         log.info("cameras of %s stay: %s", faults.some_names(views), reason)

@@ -4,7 +4,7 @@ It runs `why-blurry judge` in a folder that is removed afterwards, in a process 
 own: nothing of the program that calls it changes.
 
 Notation: n views; cameras have OpenCV's axes (x right, y down, z forwards), pixel
-centres at +0.5, and the caller's unit of length.
+centers at +0.5, and the caller's unit of length.
 """
 
 import dataclasses
@@ -97,7 +97,7 @@ def diagnose(
     held_out: Sequence[int] = (),
     cores: int | None = None,
 ) -> Report:
-    """What is wrong with the capture that these renders of its photos were learnt from.
+    """What is wrong with the capture whose photos these renders were learned from.
 
     images (the photos), renders: [n, h, w, 3] uint8, or whatever yields [h, w, 3], in
     one order; or folders, as `why-blurry judge` takes them. cameras: with arrays a
@@ -105,7 +105,7 @@ def diagnose(
     "world_to_camera" ([n, 3 or 4, 4], OpenCV's axes); with folders transforms.json,
     COLMAP's sparse/0 or cameras.json.
     depth: [n, h, w] along the optical axis, in the cameras' unit, or a folder.
-    held_out: indices of arrays' views that the model has not learnt from.
+    held_out: indices of arrays' views that the model has not learned from.
     Raises ValueError, in one line, for input that cannot be judged.
     """
     given: dict[str, Any] = {"photos": images, "renders": renders}

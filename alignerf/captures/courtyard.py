@@ -37,7 +37,7 @@ class Courtyard(Keys):
         "how objects move between photos: not, by a uniform displacement, or between "
         "two states of probability 0.5 (the paper's moving arm)",
     )
-    motion_m: float = key(0.02, "largest displacement in metres", least=0, most=10)
+    motion_m: float = key(0.02, "largest displacement in meters", least=0, most=10)
     moving: list[Literal[OBJECTS]] | None = key(
         None, "objects that move; null: all that can", length=(0, 1000)
     )
@@ -56,7 +56,7 @@ class CourtyardCapture(base.Capture):
     section = (Courtyard, key(Courtyard, "of source courtyard: the embedded scene"))
     has_truth = True
     has_path = False
-    frame = "the courtyard's, in metres"
+    frame = "the courtyard's, in meters"
 
     def read(self, scene, scratch):
         from alignerf.colmap import loading

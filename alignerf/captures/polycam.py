@@ -31,7 +31,7 @@ class Polycam(posed.App):
     name = "polycam"
     order = 5
     what = "Polycam's raw data"
-    optimised = "poses optimised by Polycam"
+    optimized = "poses optimized by Polycam"
 
     def detect(self, folder):
         folder = Path(folder)

@@ -34,7 +34,7 @@ class App(Posed):
     poses = (*base.INPUT, "colmap")
     keys = ("masks",)
     # What is said of poses that are better than a phone's own.
-    optimised = None
+    optimized = None
 
     def photos_of(self, folder):
         """{view name: path} of the photos; ValueError where there are none."""
@@ -51,7 +51,7 @@ class App(Posed):
             links = self.link_photos(path, scratch)
             return loading.by_colmap(links, scratch, scene, where=path)
         views, told, truth = super().read(scene, scratch)
-        said = OF_PHONE if self.tracked_by_phone(path) else self.optimised
+        said = OF_PHONE if self.tracked_by_phone(path) else self.optimized
         log.info("%s: %s", path, said)
         return views, told | {"of_poses": said}, truth
 

@@ -73,7 +73,7 @@ def find_tone(e):
     parts = (
         (abs(e.tone_gain_ev), f"{abs(e.tone_gain_ev):.2f} stops {side}"),
         (abs(e.tone_gamma - 1), f"a gamma of {e.tone_gamma:.2f}"),
-        (e.tone_white_ev, f"{e.tone_white_ev:.2f} stops between colour channels"),
+        (e.tone_white_ev, f"{e.tone_white_ev:.2f} stops between color channels"),
     )
     most = max((ev for ev, _ in parts if math.isfinite(ev)), default=math.nan)
     return base.beyond(

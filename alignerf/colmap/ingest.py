@@ -196,7 +196,7 @@ def find_masks(folder, paths, root=None):
         raise ValueError(f"{folder}: no mask <photo's file name>.png of any photo{why}")
     if bare := [n for n, mask in zip(names, masks, strict=True) if not mask]:
         few = faults.some_names(bare)
-        log.warning("%s: no mask of %s: all of it is learnt from", folder, few)
+        log.warning("%s: no mask of %s: all of it is learned from", folder, few)
     # What they hide would be learnt from without a word.
     strange = [of_photo[one] for one in of_photo.keys() - {*found.values()}]
     if strange := sorted([*strange, *others]):

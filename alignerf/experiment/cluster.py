@@ -14,7 +14,7 @@ WORDS = {
     "OUT_OF_MEMORY": "took more memory than it had asked for",
     "TIMEOUT": "took longer than it had asked for",
     "NODE_FAIL": "lost its node",
-    "CANCELLED": "was cancelled",
+    "CANCELLED": "was canceled",
     "PREEMPTED": "had to give way to another",
 }
 # The state of a job whose last step alone was out of memory is FAILED: its log tells.

@@ -30,7 +30,7 @@ Pinholes, one focal length for each axis. Poses are in the frame of the scene's 
 cameras ({frame}).
 transforms.json: camera to world, axes as in OpenGL (x right, y up, z backwards).
 sparse/0: world to camera, axes as in COLMAP (x right, y down, z forwards).
-Pixel centres are at +0.5 in both.
+Pixel centers are at +0.5 in both.
 
 Files
 -----
@@ -48,7 +48,7 @@ nerfstudio (learns from train_filenames, judges by test_filenames):
     ns-train splatfacto --data .
     ns-train nerfacto --data . --pipeline.model.camera-optimizer.mode off
 
-It turns, centres and scales the cameras. To keep their frame, add to either:
+It turns, centers and scales the cameras. To keep their frame, add to either:
 
     nerfstudio-data --orientation-method none --center-method none \\
         --auto-scale-poses False
@@ -101,7 +101,7 @@ DID_NOT_PAY = (
 # Source of a scene -> whose frame its cameras have.
 FRAMES = {
     "photos": "COLMAP's: its unit of length is arbitrary",
-    "courtyard": "the courtyard's, in metres",
+    "courtyard": "the courtyard's, in meters",
 }
 FILES = {
     "images": "the photos, <view>.png, 8-bit RGB",

@@ -92,7 +92,7 @@ def of_folders(images, depth, loaded: prepared.Scene, splits):
         # As photos are read, 16 bits and alpha too.
         image = photos.as_stored(path, "black")
         if (image == image[:1, :1]).all():
-            raise ValueError(f"{path}: an empty image, all of one colour")
+            raise ValueError(f"{path}: an empty image, all of one color")
         image = fitting(image, path, loaded, cv2.INTER_AREA)
         digest = hashlib.sha256(image.tobytes()).digest()
         camera = loaded.pixtocams[view].tobytes() + loaded.camtoworlds[view].tobytes()

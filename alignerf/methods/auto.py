@@ -31,7 +31,7 @@ class Automatic(align.Aligned):
     systems = pose_optimization.METHOD.systems
     annotation = bool
     example = "auto: true"
-    what = "one look by flow; where cameras are wrong, they are corrected, then learnt"
+    what = "one look by flow; where cameras are wrong, they are corrected, then learned"
     jobs = (Job,)
 
     @property
@@ -42,7 +42,7 @@ class Automatic(align.Aligned):
         return Job.moves
 
     def words(self, experiment, name):
-        return ["cameras corrected, then learnt"]
+        return ["cameras corrected, then learned"]
 
 
 METHOD = Automatic()

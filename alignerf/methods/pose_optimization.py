@@ -95,7 +95,7 @@ class Learnt(base.Method):
     """A method with `pose_optimization`."""
 
     key, Keys, order = "pose_optimization", PoseOptimization, 4
-    what = "the training views' cameras are learnt with the scene, if they are wrong"
+    what = "the training views' cameras are learned with the scene, if they are wrong"
     beside = (*base.Method.beside, "adjust")
     systems = ("mipnerf360",)
     jobs = (Job,)

@@ -25,7 +25,7 @@ class AligNeRF(Keys):
     patches: int = key(4, "patches a step", least=1, most=4096)
     patch_px: int = key(16, "side of a patch, in rays", least=8, most=512)
     convolution: bool = key(
-        True, "contribution 1, patch convolution; false shows the model's colours"
+        True, "contribution 1, patch convolution; false shows the model's colors"
     )
     features: int = key(16, "N of the patch convolution", least=3, most=1024)
     error: Literal["squared", "charbonnier"] = key(

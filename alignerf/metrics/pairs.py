@@ -46,7 +46,7 @@ MAX_STOPS, DARKEST = 2.0, 0.001
 # What a render is instead, in words; {what} is what a view's fault adds.
 KINDS = {
     "copy": "copies of their photos",
-    "flat": "of one colour",
+    "flat": "of one color",
     "empty": "empty where their photos show something",
     "swapped": "of other photos than those of the same name",
     "turned": "turned or mirrored",

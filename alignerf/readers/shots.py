@@ -41,7 +41,7 @@ class Shot(NamedTuple):
     name: str
     """Of the photo, as the file has it; then of its view."""
     lens: Callable | tuple
-    """(camtopix [3, 3], distortion) with pixel centres at +0.5, of a photo of `size`;
+    """(camtopix [3, 3], distortion) with pixel centers at +0.5, of a photo of `size`;
     or a function of a size that gives it."""
     pose: np.ndarray
     """Camera-to-world [3, 4], OpenGL axes."""

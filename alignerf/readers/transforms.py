@@ -191,7 +191,7 @@ def with_masks(own, folder):
     bare = [shot.name for shot in own.shots if not shot.mask]
     if bare and names:
         few = faults.some_names(bare)
-        log.warning("%s: no mask of %s: all of it is learnt from", own.where, few)
+        log.warning("%s: no mask of %s: all of it is learned from", own.where, few)
     return [shot._replace(mask=found.get(shot.mask)) for shot in own.shots]
 
 

@@ -270,7 +270,7 @@ def _to_rgb(image, path, background, deep):
     if image.mode.startswith("I"):
         deep = np.asarray(image).astype(np.int64)
         if deep.min() < 0 or deep.max() > 65535:
-            raise ValueError(f"{path}: grey values outside 16 bits")
+            raise ValueError(f"{path}: gray values outside 16 bits")
         grey = ((deep + 128) // 257).astype(np.uint8)
         return np.repeat(grey[..., None], 3, axis=-1)
     if deep:

@@ -69,7 +69,7 @@ class PosedViews(NamedTuple):
     photos: list[Photo]
     """Undistorted."""
     points: tuple[np.ndarray, np.ndarray] | None = None
-    """What COLMAP has triangulated: positions and colours (uint8), both [m, 3]."""
+    """What COLMAP has triangulated: positions and colors (uint8), both [m, 3]."""
     bounds: Float[np.ndarray, "n 2"] | None = None
     """Nearest and farthest depth of each view, where LLFF gives them."""
     split: np.ndarray | None = None

@@ -206,7 +206,7 @@ def check_places(where, views):
     if away[far] <= ONE_PLACE:
         raise ValueError(
             f"{where}: all {len(places)} cameras stand at one place, so that no depth "
-            "can be learnt"
+            "can be learned"
         )
     if away[far] < MIN_STEPS * step_of(places):
         raise ValueError(

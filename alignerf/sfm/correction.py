@@ -252,7 +252,7 @@ def say(told):
     log.info("cameras are corrected: held-out matches %.2f -> %.2f px", *held_out)
     for key, what in (
         ("placed", "placed anew"),
-        ("carried", "moved with neighbours"),
+        ("carried", "moved with neighbors"),
         ("still_off", "that are still far off"),
     ):
         if told[key]:

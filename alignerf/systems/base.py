@@ -10,13 +10,13 @@ from alignerf.experiment.keys.training import Changes
 PRECISIONS = Literal["float32", "bfloat16"]
 PRECISION = (
     "of the layers and what passes between them; positions, encodings, densities, "
-    "colours, parameters and all sums along a ray are float32"
+    "colors, parameters and all sums along a ray are float32"
 )
 NEAR = "nearest distance, in units of the largest camera coordinate"
 SPACING = (
     "of the first look's samples: inverse, in 1 / distance, for scenes without a bound"
 )
-BEHIND = "colour of what lies behind a ray's last sample: black, or white"
+BEHIND = "color of what lies behind a ray's last sample: black, or white"
 BEHIND_OR_OPAQUE = (
     f"{BEHIND}; null: the scene's own `background`, else unknown: a ray ends opaque. A "
     "mip-NeRF 360 with one learns from squared errors, without distortion_weight"

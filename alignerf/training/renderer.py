@@ -123,7 +123,7 @@ class Renderer:
         """uint8 colours of the values of a strip, as `strips.colours` asks for them."""
         rgb = np.asarray(self._colours(params, values))
         if not np.isfinite(rgb).all():
-            raise ValueError("the model renders colours that are not finite")
+            raise ValueError("the model renders colors that are not finite")
         return np.round(rgb * 255.0).astype(np.uint8)
 
 

@@ -39,7 +39,7 @@ CELL_LETTERS = 16
 # Large crops keep their pixels, up to this.
 MAX_DPI = 600
 NOTE = (
-    "colour: direction and length of the flow from render to photo,\n"
+    "color: direction and length of the flow from render to photo,\n"
     "one scale for all; black: not valid. px: median length in the crop.\n"
     "dB: PSNR of the crop. Crop: a quarter of the photo's width,\n"
     "where the photo has most high frequencies; it depends on no method."

@@ -34,7 +34,7 @@ BINS = 80
 # Of the flow's lengths, what the histogram shows.
 SHOWN_PERCENTILE = 99
 NOTE = (
-    "colour: direction and length of the flow, one scale for all maps\n"
+    "color: direction and length of the flow, one scale for all maps\n"
     "number above a map: median length over valid pixels; black: not valid"
 )
 

@@ -1,5 +1,6 @@
 """README and pages: their tables are their CSVs', and all that they name exists."""
 
+import ast
 import re
 import shutil
 
@@ -23,6 +24,15 @@ HEAD = {
     "measured": r"\d{4}-\d\d-\d\d",
 }
 LINK = re.compile(r"\]\(([^)\s]+)\)")
+# What a user reads is American; names of files, as `learnt/`, are as they are.
+BRITISH = re.compile(
+    r"\b(?:[a-z]*colour|grey|[a-z]*cent(?:re|ring)|learnt|neighbour|metres?\b|(?:un)?spoilt"
+    r"|behaviour|artefact|analys(?:ed?|ing)\b|cancelled|label(?:led|ling)|model(?:led|ling)"
+    r"|[a-z]*(?:normal|optim|raster|initial|minim|maxim|recogn|regular|general|synchron"
+    r"|summar|visual|quanti)is[eai])[a-z]*\b",
+    re.IGNORECASE,
+)
+CODE = re.compile(r"`[^`\n]*`|^    .*|\]\([^)]*\)", re.MULTILINE)
 
 
 @pytest.fixture(scope="module")
@@ -166,6 +176,28 @@ def test_a_howto_is_one_screen_and_begins_with_its_commands(root):
         assert any(line.startswith("    ") for line in lines[:8]), path
 
 
+def sentences(path):
+    """Strings of a module that are no names; of docstrings a command's help alone."""
+    tree = ast.parse(path.read_text())
+    bare = [one.value for one in ast.walk(tree) if isinstance(one, ast.Expr)]
+    bare = bare[1:] if path.parent.name == "cli" else bare
+    for node in set(ast.walk(tree)) - set(bare):
+        if isinstance(node, ast.Constant) and isinstance(node.value, str):
+            yield from [node.value] * (" " in node.value)
+
+
+def test_what_a_user_reads_has_one_spelling(root, pages):
+    texts = {path: CODE.sub("", text) for path, text in pages.items()}
+    others = [root / "Snakefile", root / "Makefile", *root.glob("workflow/**/*.rst")]
+    others += root.glob("workflow/schemas/*.yaml")
+    texts |= {path: path.read_text() for path in others}
+    for package in ("alignerf", "flow"):
+        for path in (root / package).rglob("*.py"):
+            texts[path] = "\n".join(sentences(path))
+    found = {path.name: BRITISH.findall(text) for path, text in texts.items()}
+    assert not {name: words for name, words in found.items() if words}
+
+
 def test_every_page_stands_in_the_index_and_in_the_site(root):
     docs = root / "docs"
     found = {path.relative_to(docs).as_posix() for path in docs.rglob("*.md")}
@@ -229,7 +261,7 @@ def test_paths_exist(root, pages):
 
 
 def test_make_targets_exist(root, pages):
-    targets = re.findall(r"^(\w+):", (root / "Makefile").read_text(), re.MULTILINE)
+    targets = re.findall(r"^# make (\w+)", (root / "Makefile").read_text(), re.M)
     readme = re.findall(r"^    make (\w+)", pages[root / "README.md"], re.MULTILINE)
     assert {"run", "test"} <= set(readme)
     everywhere = "\n".join(pages.values())

@@ -8,7 +8,7 @@ word each. `render` writes RENDERS/<view>.png of
 each training and test view, and DEPTH/<view>.npy [height, width] float32: depth along
 the optical axis in the units of the poses of transforms.json, 0 where nothing is.
 Views have the names of their photos, and the size and lens of them. Cameras are those
-given: what nerfstudio's own camera optimiser has learnt moves no render.
+given: what nerfstudio's own camera optimizer has learned moves no render.
 
 Both leave LPIPS out, whose weights nerfstudio fetches from the network at its start.
 MODEL must be your own: nerfstudio's config.yml is code. Checked with nerfstudio 1.1.5.

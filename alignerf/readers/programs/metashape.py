@@ -120,7 +120,7 @@ def lens_of(where, sensor):
     skew_px = abs(value("b2") or value("skew")) * height / 2 / fy
     if skew_px > SKEW_PX:
         raise ValueError(
-            f"{where}: its skew b2 is {skew_px:.1f} px at the border: optimise the "
+            f"{where}: its skew b2 is {skew_px:.1f} px at the border: optimize the "
             "cameras without b2, or export undistorted photos"
         )
     ks, (p2, p1) = [value(f"k{i}") for i in (1, 2, 3, 4)], map(value, ("p1", "p2"))
@@ -150,7 +150,7 @@ def of_fourth(where, ks, most, focal_px):
     off_px = np.abs((made - wanted) * np.sqrt(squares[:, 0])).max() * focal_px
     if not off_px < FIT_PX:
         raise ValueError(
-            f"{where}: its k4 cannot be undone (off by {off_px:.2g} px): optimise the "
+            f"{where}: its k4 cannot be undone (off by {off_px:.2g} px): optimize the "
             "cameras without it"
         )
     return found

@@ -342,7 +342,7 @@ def test_what_the_poses_warn_of_is_what_the_verdict_says():
             "All renders probably differ from their photos: 0.19",
         ),
         ({"tone_gamma": 1.6}, "a gamma of 1.60"),
-        ({"tone_white_ev": 0.5}, "0.50 stops between colour channels"),
+        ({"tone_white_ev": 0.5}, "0.50 stops between color channels"),
     ],
 )
 def test_renders_of_another_tone_are_told(changes, says):

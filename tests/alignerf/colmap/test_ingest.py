@@ -195,7 +195,7 @@ def test_masks_of_no_photo_and_photos_without_one_are_named(tmp_path, pixels, ca
     white = dict.fromkeys(("a.jpg.png", "a.png", "d.jpg.png", "B.png", ".x.png"), 255)
     taken = masked(tmp_path, pixels, white)()
     assert [mask and mask.name for mask in taken.masks] == ["a.jpg.png", "B.png", None]
-    assert "masks: no mask of c.jpg: all of it is learnt from" in caplog.text
+    assert "masks: no mask of c.jpg: all of it is learned from" in caplog.text
     assert "and left out: a.png, d.jpg.png\n" in caplog.text
 
 
