@@ -7,6 +7,7 @@ the photos smaller.
 
 import contextlib
 import difflib
+import shlex
 import sys
 from pathlib import Path
 
@@ -35,6 +36,8 @@ def main(argv=None):
     for name in scenes:
         for made in sorted(Path("results", name).glob("*/export/*/README.txt")):
             print(f"export: {made}")
+            place = shlex.quote(str(made.parent.resolve()))
+            print(f"  next: ns-train splatfacto --data {place}, or as README.txt says")
 
 
 def config_of(name):

@@ -65,7 +65,7 @@ def there(folder):
     counts = collections.Counter(p.suffix.lower() for p in files if p.is_file())
     counts.pop("", None)
     some = (f"{count} {faults.name_of(s, 20)}" for s, count in counts.most_common(3))
-    return f"; there are {' and '.join(some)}" if counts else ""
+    return f"; it holds {' and '.join(some)}" if counts else ""
 
 
 def scene_of(path):

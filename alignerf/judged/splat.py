@@ -209,6 +209,11 @@ def world_of(path, gaussians, few, cameras):
     known = dict(known_worlds(path, cameras))
     best = max(scored(gaussians, few, known.items()), key=lambda one: one[2])
     if best[2] < likeness.SURE:
+        more = normalized_by_gsplat(cameras)
+        known |= more
+        found = [best, *scored(gaussians, few, more.items())]
+        best = max(found, key=lambda one: one[2])
+    if best[2] < likeness.SURE:
         flips = {
             f"{name}, mirrored in {axis}": np.diag([*1 - 2.0 * np.eye(3)[i], 1]) @ world
             for name, world in known.items()
@@ -261,11 +266,6 @@ def known_worlds(path, cameras):
     yield "as the cameras'", np.eye(4)
     if applied is not None:
         yield "without the cameras' applied_transform", back
-    # gsplat takes all cameras, also of photos that are not given.
-    every = camera_files.read(cameras.where) if cameras.left_out else cameras
-    if every.points is not None:
-        poses = [shot.pose for shot in every.shots]
-        yield from gsplat.worlds(poses, every.points[0]).items()
     if theirs := trained_by(path):
         world = similarity(cameras, theirs)
         if world is not None:
@@ -279,6 +279,15 @@ def known_worlds(path, cameras):
         yield f"by {beside.name}", world
         yield f"by {beside.name}, without applied_transform", world @ back
         return
+
+
+def normalized_by_gsplat(cameras):
+    """{name: world} of those that `simple_trainer` makes of a project."""
+    # It takes all cameras, also of photos that are not given.
+    every = camera_files.read(cameras.where) if cameras.left_out else cameras
+    if every.points is None:
+        return {}
+    return gsplat.worlds([shot.pose for shot in every.shots], every.points[0])
 
 
 def above(path, name):

@@ -1,5 +1,6 @@
 """`make export` finds the config of a capture, and runs its exports alone."""
 
+import shlex
 import shutil
 
 import pytest
@@ -41,6 +42,7 @@ def test_a_name_or_a_folder_is_enough(here, runs, capsys, name):
     assert runs == [("results/my_photos.yaml", ("export",), [])]
     told = capsys.readouterr().out
     assert "export: results/my_photos/auto/export/cameras/README.txt" in told
+    assert shlex.join(["ns-train", "splatfacto", "--data", str(made)]) in told
 
 
 def test_the_demo_has_no_config_in_results(here, runs, capsys):
