@@ -63,6 +63,9 @@ def render(folder, *, rounds, base, others=None, crops=NOTHING, moved=NOTHING[:2
     folder, base = Path(folder), Path(base)
     scene, verdict = faults.resolved(folder).name, told.read(folder)
     facts, export = contents.facts(folder), provenance.export_command()
+    # Corrected cameras lie in the export of what moved them.
+    by = base.parent.name if moved[0] == "flow" else moved[0]
+    place = f"results/{scene}/{by}/export/cameras" if moved[1] else None
     seen = verdict["evidence"]
     judged = seen.get("judged")
     alone = judged and (judged["cameras"] == "none" or not seen.get("train_views"))
@@ -86,6 +89,7 @@ def render(folder, *, rounds, base, others=None, crops=NOTHING, moved=NOTHING[:2
         costs=contents.costs(folder),
         downloads=contents.downloads(folder),
         export_command=export,
+        trainers=told.trainers(place) if export and place else {},
         **shown(folder, rounds, others or {}, base, limit_px, verdict, crops, moved),
     )
 
@@ -93,11 +97,16 @@ def render(folder, *, rounds, base, others=None, crops=NOTHING, moved=NOTHING[:2
 def shown(folder, rounds, others, base, limit_px, verdict, crops, moved):
     """What the page shows of the photos, and what its scripts read."""
     photo_px, turns = gallery.scale(folder), contents.quarter_turns(folder)
+    tried = verdict["tried"]
+    names = told.names(tried)
+    others = {names.get(method, method): one for method, one in others.items()}
+    crops = (*crops[:2], names.get(crops[2], crops[2]))
+    tried = [one | {"method": names.get(one["method"], one["method"])} for one in tried]
     judged = verdict["evidence"].get("judged")
     whose = judged and "your model"
     every = gallery.shown(folder, rounds, others, base, limit_px, whose)
     entries = gallery.entries(every, limit_px, photo_px)
-    after = gallery.afters(every, verdict["tried"], base.parent.name)
+    after = gallery.afters(every, tried, names.get(base.parent.name, base.parent.name))
     images = pictures.fitted(every)
     there = [one for one in every if one.key in images]
     data = {
@@ -117,7 +126,7 @@ def shown(folder, rounds, others, base, limit_px, verdict, crops, moved):
         "photo_px": photo_px,
         "some": gallery.SOME,
         "full_px": gallery.FULL_PX,
-        "moved_by": moved[0],
+        "moved_by": names.get(moved[0], moved[0]),
         "size_of": "renders" if judged else "training size",
         "data": data,
     }

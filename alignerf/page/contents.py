@@ -17,7 +17,7 @@ from alignerf.scenes import prepared
 from alignerf.tables import columns, scores
 
 # What of tables/ it shows; headings and formats are the columns' own.
-TABLES = ("views", "misalignment", "displacement")
+TABLES = ("views", "misalignment")
 # What a visitor may take home, with what it is; only what is there is shown.
 DOWNLOADS = {
     "verdict.json": "the verdict, in numbers",

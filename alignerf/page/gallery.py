@@ -13,7 +13,6 @@ import numpy as np
 
 from alignerf.cameras import transients
 from alignerf.io import archives, csv_files, faults, images, machine
-from alignerf.metrics import image as image_metrics
 from alignerf.page import contents, pictures
 from alignerf.scenes import prepared
 from alignerf.verdict import views as of_views
@@ -30,6 +29,8 @@ STRIP_HEIGHT = 100
 HIGH = 3.0
 # The photo with a line around what comes and goes, of its longer side and in RGB.
 TRANSIENT, LINE, LINE_COLOUR = pictures.KEPT[1], 0.006, (255, 0, 160)
+# Times that the page enlarges the part that it opens with.
+SCALE = 2.5
 # Thumbnails that are not folded away.
 SOME = 24
 # Of crops at the photos' own size, in folders of trainings on them.
@@ -141,7 +142,7 @@ def arrows(shown: Shown):
 
 
 def captions(shown: Shown, photo_px):
-    """{layer: what it shows, in words}, with the misalignment and the sharpness.
+    """{layer: what it shows, in words}, with the misalignment.
 
     photo_px: pixels of the photo in one of the training's.
     """
@@ -150,13 +151,10 @@ def captions(shown: Shown, photo_px):
     said = {"photo": f"photo, {how}", "warped photo": "photo, warped onto the render"}
     said[TRANSIENT] = "photo; others of the same place do not show what is outlined"
     said["truth"] = "ground truth, what the photo would show without misalignment"
-    detail = image_metrics.detail(shown.layers["photo"]())
     for place, (name, whose) in enumerate(shown.renders.items()):
-        share = image_metrics.detail(shown.layers[name]()) / max(detail, 1e-6)
-        parts = [f"render {whose}", f"{100 * share:.0f} % of the photo's sharpness"]
+        said[name] = f"render {whose}"
         if not place and np.isfinite(row.flow_px):
-            parts.insert(1, f"{photo_px * row.flow_px:.1f} px from the photo")
-        said[name] = ", ".join(parts)
+            said[name] += f", {photo_px * row.flow_px:.1f} px from the photo"
         said["flow" + name.removeprefix("render")] = (
             f"flow from the {name} to the photo"
         )
@@ -293,22 +291,33 @@ def afters(every, tried, reference=""):
 
 
 def opening(every, after):
-    """{key, left, right} of what the page opens with: before and after.
+    """{key, left, right, x, y, scale} of what the page opens with: before and after.
 
-    The photo whose render gains most sharpness; without any that has both, the worst
-    one beside its render.
+    The photo in which a part gains most sharpness, and that part; without any that has
+    both, the worst one's part that its render blurs most.
     """
 
-    def gained(one):
-        before, now = (
-            image_metrics.detail(one.layers[name]()) for name in ("render", after[0])
-        )
-        return now / max(before, 1e-6)
+    def part(one, soft, sharp):
+        gained = spread(one.layers[sharp]()) - spread(one.layers[soft]())
+        h, w = (round(side / SCALE) for side in gained.shape)
+        means = cv2.blur(gained, (w, h), borderType=cv2.BORDER_REFLECT)
+        means = means[h // 2 : h // 2 - h or None, w // 2 : w // 2 - w or None]
+        top, left = np.unravel_index(means.argmax(), means.shape)
+        place = {"x": left / gained.shape[1], "y": top / gained.shape[0]}
+        return float(means.max()), {key: round(at, 3) for key, at in place.items()}
 
     both = [one for one in every if after and after[0] in one.layers]
-    if both:
-        return {"key": max(both, key=gained).key, "left": "render", "right": after[0]}
-    return {"key": every[0].key, "left": "photo", "right": "render"}
+    left, right = ("render", after[0]) if both else ("photo", "render")
+    soft_sharp = ("render", after[0]) if both else ("render", "photo")
+    found = [(part(one, *soft_sharp), one.key) for one in both or every[:1]]
+    (_, place), key = max(found, key=lambda one: one[0][0])
+    return {"key": key, "left": left, "right": right, "scale": SCALE} | place
+
+
+def spread(image):
+    """How much detail an image has around each pixel [h, w], in grey levels."""
+    grey = cv2.cvtColor(np.ascontiguousarray(image), cv2.COLOR_RGB2GRAY)
+    return np.abs(cv2.Laplacian(grey.astype(np.float32), cv2.CV_32F))
 
 
 def crops(given, corrected, by, shown):

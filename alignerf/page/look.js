@@ -12,7 +12,7 @@ const look = (() => {
   };
   const now = {
     key: data.opening.key, wanted: [data.opening.left, data.opening.right],
-    mode: "slide", part: 0, second: false,
+    mode: "side", part: 0, second: false,
   };
   let timer = 0;
 
@@ -118,7 +118,7 @@ const look = (() => {
 
   // Side by side there is space for the photo, too.
   function sides(names, pair) {
-    return pair.includes("photo") || !names.includes("photo") ? pair : ["photo", ...pair];
+    return pair.includes("photo") || !names.includes("photo") ? pair : [...pair, "photo"];
   }
 
   function caption(one, pair) {
@@ -163,6 +163,7 @@ const look = (() => {
       ?? keys.find((one) => photos.get(one).name === key);
     if (!found) return false;
     Object.assign(now, { key: found, part: 0 });
+    panes.zoom(0);
     show();
     return true;
   }
@@ -220,6 +221,8 @@ const look = (() => {
       stop();
     }
   });
+  // Where the difference is seen.
+  Object.assign(panes.at, data.opening);
   show();
   return { open, has: (key) => keys.includes(key) };
 })();

@@ -46,6 +46,12 @@
     button.addEventListener("click", () => copy(button));
   });
 
+  $("trainer")?.addEventListener("change", ({ target }) => {
+    document.querySelectorAll("[data-trainer]").forEach((one) => {
+      one.hidden = one.dataset.trainer !== target.value;
+    });
+  });
+
   // From the table of all photos to the images of one.
   document.querySelectorAll("#views tbody tr").forEach((row) => {
     const [name, split] = [...row.cells].map((cell) => cell.textContent);

@@ -3,6 +3,7 @@
 From verdict.json, which holds what `alignerf.verdict.report` tells.
 """
 
+import shlex
 from pathlib import Path
 
 from alignerf import testsets
@@ -18,8 +19,14 @@ KINDS = {"ok": "\u2713", "faulty": "\u2715", "unclear": "\u2013"}
 ACCURACY = Path(__file__).with_name("accuracy.yaml")
 # A bar that is longer than the page is none the longer.
 LARGEST = 10.0
-# Of an interval so wide a hundredth says nothing.
-WIDE_DB = 0.5
+# What trains on an export, below the folder of its photos and cameras.
+TRAINERS = {
+    "nerfstudio": "ns-train splatfacto --data {}",
+    "gsplat": "python examples/simple_trainer.py default --data_dir {} --data_factor 1",
+    "Gaussian splatting": "python train.py -s {} --eval -r 1",
+    "OpenSplat": "opensplat {}",
+    "Brush": "brush_app {}",
+}
 
 
 def read(folder):
@@ -48,11 +55,11 @@ def about(found):
 def how_right():
     """How far the verdict is to be trusted, in two sentences."""
     table = yaml_files.read(ACCURACY)
-    each = ", ".join(f"{name} {n} of {of}" for name, (n, of) in table["first"].items())
+    right, cases = map(sum, zip(*table["first"].values(), strict=True))
     return (
         "How often it is right: of faults planted in captures that its rules were not "
-        f"made with, the planted cause was named first in {each}. "
-        f"{table['false_each']:.2f} causes per verdict were named and not there."
+        f"made with, the planted cause was named first in {right} of {cases}. "
+        f"Of 10 verdicts, {10 * table['false_each']:.0f} also named one too many."
     )
 
 
@@ -84,7 +91,9 @@ def fixes(tried):
     for one in (one | ends_of(one) for one in tried):
         kind = "ok" if one["pays"] else "faulty" if one["high"] < 0 else "unclear"
         apart = [testsets.against(one["test_set"])] * (len(against) > 1)
-        more = {"notes": [*apart, *one["notes"]], "text_of": spoken(one)}
+        gain, *interval = report.spoken(one["db"], one["low"], one["high"])
+        known = " to ".join(interval) if one["low"] < one["high"] else "unknown"
+        more = {"notes": [*apart, *one["notes"]], "text_of": (gain, known)}
         rows.append(one | {"kind": kind, "sign": KINDS[kind]} | more)
     ends = [0.0, *(row[end] for row in rows for end in ("db", "low", "high"))]
     low, high = min(ends), max(*ends, min(ends) + 1e-9)
@@ -98,12 +107,17 @@ def ends_of(one):
     return {"low": one["db"], "high": one["db"]} | known
 
 
-def spoken(one):
-    """(gain, interval) in words, to a tenth of a dB where the interval is that wide."""
-    values = [one[key] for key in ("db", "low", "high")]
-    tenths = one["high"] - one["low"] >= WIDE_DB and min(map(abs, values)) >= 0.05
-    db, low, high = (f"{value:+.{1 if tenths else 2}f}" for value in values)
-    return db, f"{low} to {high}" if one["low"] < one["high"] else "unknown"
+def names(tried):
+    """{method: its name in words}, of methods that a run has tried one fix of."""
+    methods = [one["method"] for one in tried]
+    return {
+        one["method"]: one["name"] for one in tried if methods.count(one["method"]) == 1
+    }
+
+
+def trainers(place):
+    """{trainer: the command that trains on what an export wrote to a place}."""
+    return {name: text.format(shlex.quote(place)) for name, text in TRAINERS.items()}
 
 
 def summary(scene, told, facts, export):

@@ -30,6 +30,7 @@ def of_table(path, timings, judgements=()):
     """
     table = csv_files.read(path, columns=COLUMNS)
     labels = dict(zip(table["method"], table["field"], strict=True))
+    called = names(table)
     # Of moved cameras that no photo fixes there are no scores.
     gains, known = [], {*table["test_set"][table["difference_db"].notna()]}
     for row in table.itertuples():
@@ -42,7 +43,7 @@ def of_table(path, timings, judgements=()):
             continue
         timing, judgement = timings.get(row.method), dict(judgements).get(row.method)
         changed = "cameras corrected" if moves == {"cameras"} else "warped"
-        name = scores.row_name(row.method, row.warping, changed)
+        name = scores.row_name(called[row.method], row.warping, changed)
         if timing:
             # What a method that aligns itself is, besides what its baseline is.
             baseline = f"{labels.get(row.difference_to)}, "
@@ -58,6 +59,19 @@ def of_table(path, timings, judgements=()):
             )
         )
     return gains
+
+
+def names(table):
+    """{method: its name in words}: what it is for, where no other method is that."""
+    found = {}
+    for row in table.itertuples():
+        if row.method == row.difference_to:
+            found[row.method] = "plain"
+        elif (row.moves_cameras, row.moves_photos) == (True, False):
+            found[row.method] = "corrected cameras"
+    words = [*found.values()]
+    own = {m: name for m, name in found.items() if words.count(name) == 1}
+    return {method: own.get(method, method) for method in table["method"]}
 
 
 def cameras_moved(timing):

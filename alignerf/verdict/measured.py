@@ -5,6 +5,7 @@ Lengths are in pixels of the original photo.
 
 import math
 
+from alignerf.causes import camera
 from alignerf.causes.base import length
 from alignerf.causes.shared import misalignment
 from alignerf.tables import columns
@@ -41,7 +42,18 @@ def sentences(e, views):
     odd = [f"{view.view}: {view.stands_out}" for view in of_views.odd(views)]
     more = f"; {len(odd) - 3} more in tables/views.csv" if len(odd) > 3 else ""
     photos = [f"Photos that stand out: {'; '.join(odd[:3])}{more}."] if odd else []
+    photos = farthest(e, views) + photos
     return [*poses(e), *of_crops, whole_photos(e), *of_others, *photos, *perturbed(e)]
+
+
+def farthest(e, views):
+    """The photos that are misaligned most, where photos are misaligned at all."""
+    if not misalignment.misaligned(e):
+        return []
+    known = [view for view in views if math.isfinite(view.flow_px)]
+    first = sorted(known, key=lambda view: -view.flow_px)[:3]
+    told = [f"{view.view} ({length(e.photo_px * view.flow_px)})" for view in first]
+    return [f"Farthest off: {', '.join(told)}."] if told else []
 
 
 def perturbed(e):
@@ -73,6 +85,8 @@ def poses(e):
     # Fixes say how near matches are by them.
     told = not e.pairs.stops and any(gain.matches for gain in e.tried)
     found = "" if told else f" Held-out matches: {change}."
+    if not m.applied and camera.find(e).sure is not None:
+        off += f", by flow {length(camera.find(e).value)}"
     named = "; ".join(m.named) or f"poses {verb} off by {off}"
     return [f"By matches, {named}: {what}.{found}"]
 

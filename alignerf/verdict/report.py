@@ -10,7 +10,7 @@ import re
 import textwrap
 
 from alignerf import causes, testsets
-from alignerf.causes import base, camera, coverage, motion
+from alignerf.causes import base, camera, coverage, lens, motion
 from alignerf.causes.base import amount, length
 from alignerf.causes.shared import at_stake, misalignment, remedies
 from alignerf.io import provenance
@@ -19,6 +19,12 @@ from alignerf.verdict import kinds, measured
 
 # Of the terminal: where texts begin, and where they end.
 INDENT, WIDTH = 13, 100
+# Causes that count photos: none is what misaligns.
+COUNTS = coverage.FEW_VIEWS, coverage.UNREGISTERED
+# Standard errors of what flows say of the lens.
+ERRORS = {lens.SHIFT: "shift_errors", lens.DISTORTION: "distortion_errors"}
+# Of an interval so wide a hundredth says nothing.
+WIDE_DB = 0.5
 # A command in a text.
 COMMAND = re.compile(r"`((?:make|snakemake|why-blurry|ns-|python) ?[^`]*)`")
 LEVELS = FAULTY, LIKELY, OK, UNKNOWN = kinds.LEVELS
@@ -64,7 +70,7 @@ def of(e, views):
             | {"at_stake_db": one.at_stake and list(one.at_stake[::2])}
             for one in named
         ],
-        "causes": [gauge(one) for one in examined],
+        "causes": [gauge(one, e) for one in examined],
     }
 
 
@@ -97,8 +103,7 @@ def headline(e, named):
         return f"cannot be told: {pairs.sentence(e.pairs)}."
     kind, called = state(e, named), ", ".join(one.called for one in named)
     if kind == "misaligned":
-        by = f"misaligned by {length(misalignment.shift_px(e))}"
-        return f"{by}{called and ': ' + called}."
+        return f"blurry because {misaligned(e, named)}.{corrected(e)}"
     if kind == "aligned":
         far = f"aligned, as far as {length(misalignment.limit_px(e))} can show"
         return f"{far}{called and '; but ' + called}."
@@ -122,6 +127,33 @@ def headline(e, named):
         )
     seen = f"a misalignment under {length(misalignment.limit_px(e))} would not be seen"
     return f"cannot be told at this size: {seen}.{also}"
+
+
+def misaligned(e, named):
+    """By what photos are misaligned: causes in their order, counts of photos last."""
+    poses, px = of_cause(camera.CAUSE, named), length(misalignment.shift_px(e))
+    order = sorted(named, key=lambda one: one.cause in COUNTS)
+    by = {camera.CAUSE: f" by {length(poses.value)}"} if poses else {}
+    called = ", ".join(one.called + by.get(one.cause, "") for one in order)
+    if poses:
+        return called
+    return f"{called}: misaligned by {px}" if called else f"misaligned by {px}"
+
+
+def corrected(e):
+    """What corrected cameras bring, where this run says so; else nothing."""
+    known = [one for one in e.tried if one.in_loop and remedies.pays(e, one)]
+    best = max(known, key=lambda one: one.db, default=None)
+    if best is None or not best.low > 0:
+        return ""
+    db, *ends = spoken(best.db, best.low, best.high)
+    return f" Corrected: {db} dB ({' to '.join(ends).replace('+', '')})."
+
+
+def spoken(*values):
+    """Gain and ends of its interval in dB, in tenths where the interval is wide."""
+    wide = values[2] - values[1] >= WIDE_DB and min(map(abs, values)) >= 0.05
+    return [f"{value:+.{1 if wide else 2}f}" for value in values]
 
 
 def advise(e, named):
@@ -176,10 +208,10 @@ def tried(gain, e):
     """What a fix brought: its sentence claims nothing from few views."""
     took = f"{gain.minutes:.0f} min" if gain.minutes >= 2 else f"{took_s(gain)} s"
     against = testsets.against(gain.test_set)
-    interval = f"[{gain.low:+.2f}, {gain.high:+.2f}]"
-    if not math.isfinite(gain.low + gain.high):
-        interval = "(no interval)"
-    parts = [f"{gain.name}: {gain.db:+.2f} dB {interval} {against}".strip()]
+    db, low, high = spoken(gain.db, gain.low, gain.high)
+    is_known = math.isfinite(gain.low + gain.high)
+    interval = f"[{low}, {high}]" if is_known else "(no interval)"
+    parts = [f"{gain.name}: {db} dB {interval} {against}".strip()]
     parts[0] += f", {took}"
     matches = ""
     if gain.matches and gain.matches["accepted"]:
@@ -205,12 +237,16 @@ def took_s(gain):
     return round(60 * gain.minutes)
 
 
-def gauge(one):
+def gauge(one, e):
     """{cause, name, level, value, limit, unit, measured, allowed, note, page, text}.
 
     one: a `base.Finding`. Its level is `cannot tell` also where another cause explains
-    what would show it.
+    what would show it, and where a value beyond its limit is not significant.
     """
+    seen_px = misalignment.limit_px(e)
+    if one.cause is camera.CAUSE and (one.sure is None or one.value > seen_px):
+        # One limit: what is shorter cannot be seen.
+        one = one._replace(limit=max(one.limit, seen_px))
     cause, level = one.cause, level_of(one)
     bound = amount(one.limit, cause.unit)
     if not one.measured:
@@ -218,12 +254,10 @@ def gauge(one):
         bound = bound.removesuffix(f" {cause.unit}")
     allowed = f"{'from' if one.more_is_better else 'up to'} {bound}"
     allowed = allowed if one.limit or one.more_is_better else "none"
-    found = base.beyond(one.value, one.limit, more_is_better=one.more_is_better)
-    note = f"{CANNOT_TELL} {one.spoilt}" if one.spoilt else ""
-    if level == OK and found.sure is not None:
-        # Views do not agree on it, or matches deny it.
-        note = "not significant"
     measured = one.measured or amount(one.value, cause.unit)
+    note = f"{CANNOT_TELL} {one.spoilt}" if one.spoilt else ""
+    if not note and level == UNKNOWN and one.detectable and is_beyond(one):
+        note = insignificant(one, e, measured)
     said = note if level == UNKNOWN else f"{measured}; {note or f'fine: {allowed}'}"
     return {
         "cause": cause.name,
@@ -241,12 +275,28 @@ def gauge(one):
     }
 
 
+def insignificant(one, e, measured):
+    """Why a value beyond its limit is not called a fault."""
+    errors = getattr(e, ERRORS.get(one.cause, ""), math.nan)
+    if 0 < errors <= lens.LENS_ERRORS:
+        bound = length(lens.LENS_ERRORS * one.value / errors)
+        return f"{measured.removesuffix(' px')} \u00b1 {bound}: not different from 0"
+    denied = one.cause in ERRORS and lens.is_asked(e)
+    return f"{measured}, {'denied by matches' if denied else 'not significant'}"
+
+
 def level_of(one):
     """Of LEVELS, of a `base.Finding`."""
     if one.sure is not None:
         return FAULTY if one.sure else LIKELY
-    told = one.detectable and not one.spoilt
-    return OK if told and math.isfinite(one.value) else UNKNOWN
+    told = one.detectable and not one.spoilt and math.isfinite(one.value)
+    return OK if told and not is_beyond(one) else UNKNOWN
+
+
+def is_beyond(one):
+    """Whether a `base.Finding`'s value is on the wrong side of its limit."""
+    found = base.beyond(one.value, one.limit, more_is_better=one.more_is_better)
+    return found.sure is not None
 
 
 def without_command(do_first):

@@ -144,7 +144,7 @@ LARGE, TRANSIENT = 0.02, "shows what other photos do not"
 REASONS = (
     ("psnr_db", -1, "much farther from its render than the others"),
     ("flow_px", 1, "misaligned with its render"),
-    ("camera_px", 1, "its camera is off"),
+    ("camera_px", 1, "its camera is farther off than the others"),
     ("moved_fraction", 1, "much of it moved"),
     ("sharpness_ratio", -1, "blurred"),
     ("exposure_ev", 1, "brighter than the others"),

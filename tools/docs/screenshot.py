@@ -23,7 +23,7 @@ WIDTHS, THEMES, SCREENS = (1400, 800, 400), ("light", "dark"), 2.0
 SCREEN_PX, README_PX, QUALITY = 900, 1000, 82
 SWITCHES = ("headless=new", "no-sandbox", "disable-gpu", "disable-dev-shm-usage")
 SWITCHES += ("hide-scrollbars", "force-color-profile=srgb")
-READY = "return document.querySelector('#slider').classList.contains('rendered')"
+READY = "return [...document.querySelectorAll('#panes img')].every(i => i.naturalWidth)"
 
 
 def main(argv=None):

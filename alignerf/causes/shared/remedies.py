@@ -54,7 +54,7 @@ def advise(e, *, only_paying=False):
         return f"leave the cameras as they are: {best.method} found none to move."
     if pays(e, best):
         return (
-            f"train on the corrected cameras ({best.method}), which "
+            "train on the corrected cameras, which "
             f"`{provenance.export_command()}` writes."
         )
     if only_paying or e.test_views < misalignment.FEW_TEST_VIEWS:

@@ -11,6 +11,9 @@ from selenium.webdriver.common import keys
 from selenium.webdriver.common.by import By
 from selenium.webdriver.support.ui import Select, WebDriverWait
 
+from alignerf.page import told
+from tools.docs import screenshot
+
 WIDTHS = (1200, 380)
 # The last two: as root, and where /dev/shm is small.
 SWITCHES = ("headless=new", "disable-gpu", "no-sandbox", "disable-dev-shm-usage")
@@ -40,8 +43,9 @@ def open_page(browser, results, text):
     browser.get_log("browser")
     browser.get("about:blank")
     browser.get(path.as_uri())
-    ready = "return document.querySelector('#slider').classList.contains('rendered')"
-    WebDriverWait(browser, 10).until(lambda driver: driver.execute_script(ready))
+    WebDriverWait(browser, 10).until(
+        lambda driver: driver.execute_script(screenshot.READY)
+    )
     return path
 
 
@@ -89,18 +93,31 @@ def test_bars_end_where_their_numbers_lie(opened):
 
 
 def test_it_opens_with_before_and_after_and_says_so(opened):
-    layers = ("render", "render after round 1")
-    for place, layer in zip(("first", "second"), layers, strict=True):
-        image = opened.find_element(By.ID, place)
+    layers = ("render", "render after round 1", "photo")
+    shown = opened.find_elements(By.CSS_SELECTOR, "#panes img")
+    for image, layer in zip(shown, layers, strict=True):
         assert image.get_attribute("naturalWidth") == "36"
         assert image.get_attribute("alt") == f"{layer} of 03"
+    # The same part of each, where the difference is seen.
+    assert len({*moves(opened)}) == 1
+    assert "scale(2.5)" in moves(opened)[0]
     said = opened.find_element(By.ID, "caption").text
     assert "Left: render by base, before any fix, 6.0 px from the photo" in said
     assert "Right: render by base after round 1" in said
-    assert opened.find_element(By.ID, "tag-left").text == "before any fix"
+
+
+def test_the_command_is_that_of_the_trainer_that_is_chosen(opened):
+    trainer = Select(opened.find_element(By.ID, "trainer"))
+    for option in trainer.options:
+        trainer.select_by_visible_text(option.text)
+        shown = opened.find_elements(By.CSS_SELECTOR, "[data-trainer] code")
+        (said,) = [one.text for one in shown if one.is_displayed()]
+        place = "results/my scene/aligned/export/cameras"
+        assert said == told.trainers(place)[option.text]
 
 
 def test_the_slider_moves_by_keyboard_and_by_pointer(opened):
+    opened.find_element(By.CSS_SELECTOR, "[data-mode=slide]").click()
     slider = opened.find_element(By.ID, "slider")
     before = position(opened)
     opened.execute_script("arguments[0].focus()", slider)
@@ -169,7 +186,7 @@ def test_panes_zoom_and_move_together(opened):
     assert len(moves(opened)) == 3
     names = opened.find_elements(By.CSS_SELECTOR, "#panes figcaption")
     assert [name.text for name in names] == [
-        *("photo", "before any fix", "after round 1"),
+        *("before any fix", "after round 1", "photo"),
     ]
     opened.find_element(By.CSS_SELECTOR, "#panes .stage").send_keys("++")
     first = moves(opened)

@@ -14,6 +14,7 @@ from alignerf.cameras import transients
 from alignerf.io import images, provenance
 from alignerf.page import __main__ as page
 from alignerf.page import gallery, pictures
+from tests.alignerf.page.conftest import HEIGHT, WIDTH
 
 EXPORT = provenance.export_command()
 
@@ -65,7 +66,7 @@ def test_a_page_is_one_file_whose_links_lead_somewhere(render, results, crops):
 def test_the_verdict_stands_first_then_what_to_do_then_the_pictures(render):
     text = render()
     head, look = text.index("<h1>Aligned.</h1>"), text.index('id="look"')
-    assert head < text.index('<p class="todo">Nothing.</p>') < look
+    assert head < text.index("<li>Nothing.") < look
     assert alignerf.__version__ in text[text.index("<footer>") :]
 
 
@@ -173,9 +174,25 @@ def test_a_line_is_around_what_comes_and_goes_whichever_way_up():
 
 
 def test_it_opens_with_the_photo_that_a_fix_sharpens_most(render):
-    data = data_of(render())
-    opening = {"left": "render", "right": "render after round 1"}
-    assert data["opening"] == {"key": "test/03"} | opening
+    opening = data_of(render())["opening"]
+    shown = {"key": "test/03", "left": "render", "right": "render after round 1"}
+    assert opening == opening | shown
+
+
+def test_it_opens_with_the_part_in_which_a_difference_is_seen(render, results, rng):
+    """Where one part of one photo was soft; parts lie within the photo."""
+    for name in ("01", "03"):
+        for k in (0, 1):
+            path = results / f"base/round{k}/renders/test/{name}.png"
+            noise = np.full((HEIGHT, WIDTH, 3), 128, np.uint8)
+            if (name, k) == ("01", 1):
+                noise[16:, 24:] = rng.integers(0, 256, (8, 12, 3))
+            images.write(path, noise)
+    opening = data_of(render())["opening"]
+    assert opening["key"] == "test/01"
+    ends = [opening[axis] + 1 / opening["scale"] for axis in "xy"]
+    assert min(opening["x"], opening["y"]) > 0.5
+    assert max(ends) <= 1.05
 
 
 def test_it_opens_with_a_photo_that_fits_into_the_page(render, monkeypatch):
@@ -308,7 +325,8 @@ def test_renders_that_are_judged_have_no_before_and_no_tables(results):
     table[table["split"] == "train"].to_csv(results / "tables/views.csv", index=False)
     text = page.render(results, rounds=[], base=results / "base/round0")
     data = data_of(text)
-    assert data["opening"] == {"key": "train/05", "left": "photo", "right": "render"}
+    opening = {"key": "train/05", "left": "photo", "right": "render"}
+    assert data["opening"] == data["opening"] | opening
     assert data["after"] == []
     assert "Photo | Render" in text
     assert "Before | After" not in text

@@ -18,7 +18,7 @@ from alignerf.causes import (
 from alignerf.causes.shared import at_stake, remedies
 from alignerf.io import provenance
 from alignerf.metrics import pairs
-from alignerf.verdict import measured, report
+from alignerf.verdict import measured, report, views
 from tests.alignerf.causes import cases
 from tests.alignerf.causes.cases import (
     APART,
@@ -67,13 +67,13 @@ def advised(e, gains=()):
         (THUMBNAIL | {"crops": TOGETHER}, "aligned", "0.50 px"),
         # One capture has one verdict at every size of training.
         *(
-            ({"crops": APART, "photo_px": photo_px}, "misaligned", "0.72 px")
+            ({"crops": APART, "photo_px": photo_px}, "misaligned", "0.68 px")
             for photo_px in (2.0, 4.0, 8.0)
         ),
         # What crops are sure of comes first.
-        ({"crops": APART} | FAULTS["sparse"], "misaligned", "0.72 px"),
-        ({"crops": APART} | FAULTS["few_views"], "misaligned", "0.72 px"),
-        ({"crops": APART, "epochs": 0.1}, "misaligned", "0.72 px"),
+        ({"crops": APART} | FAULTS["sparse"], "misaligned", "0.68 px"),
+        ({"crops": APART} | FAULTS["few_views"], "misaligned", "0.68 px"),
+        ({"crops": APART, "epochs": 0.1}, "misaligned", "0.68 px"),
         ({"crops": TOGETHER, "epochs": 0.1}, "aligned", "0.50 px"),
         ({"crops": TOGETHER, "flow_train_px": 0.3}, "aligned", "0.50 px"),
         ({"crops": TOGETHER, "flow_train_px": 0.6}, "misaligned", "1.2 px"),
@@ -162,8 +162,8 @@ def test_levels_of_what_is_not_named():
     # A shift beyond its limit that the views do not agree on.
     unsure = of(WELL._replace(shift_px=0.11, shift_errors=1.0))["causes"]
     (one,) = [one for one in unsure if one["cause"] == "lens_shift"]
-    assert (one["level"], one["value"]) == ("ok", 0.22)
-    assert "not significant" in one["text"]
+    assert (one["level"], one["value"]) == ("cannot tell", 0.22)
+    assert "0.22 \u00b1 0.66 px: not different from 0" in one["text"]
 
 
 def test_crops_are_the_gauge_where_they_tell():
@@ -265,7 +265,7 @@ def test_held_out_renders_alone_are_enough():
     """As gsplat writes them."""
     e = THEIRS._replace(train_views=0, flow_train_px=math.nan, psnr_train_db=math.nan)
     told = of(e._replace(test_views=14, flow_test_px=1.2, camera_px=1.1))
-    assert (told["state"], "2.4 px" in told["headline"]) == ("misaligned", True)
+    assert (told["state"], "2.2 px" in told["headline"]) == ("misaligned", True)
 
 
 MOTION = WELL._replace(moved_fraction=0.08, test_views=9)
@@ -298,7 +298,7 @@ def test_photos_that_were_warped_in_vain_are_not_warped_again(gains, views, want
             {},
             9,
             True,
-            f"train on the corrected cameras (aligned), which `{EXPORT}` writes.",
+            f"train on the corrected cameras, which `{EXPORT}` writes.",
         ),
         ({"low": -0.1}, 9, False, "leave cameras and photos as they are"),
         ({"test_set": "standard"}, 9, False, "leave cameras and photos as they are"),
@@ -343,11 +343,39 @@ def test_matches_come_before_held_out_photos():
     assert advised(e._replace(matches=off)) == camera.ADJUSTED
 
 
+@pytest.mark.parametrize(
+    ("changes", "said"),
+    [
+        ({}, ". Corrected: +0.6 dB (0.3 to 0.9)."),
+        ({"low": 0.41, "high": 0.79}, ". Corrected: +0.60 dB (0.41 to 0.79)."),
+        ({"low": -0.1}, "."),
+        ({"in_loop": False}, "."),
+    ],
+)
+def test_the_headline_says_why_it_is_blurry_and_what_correcting_brings(changes, said):
+    e = cases.with_faults("camera", test_views=9)
+    told = of(e, [GAIN._replace(**changes)])
+    assert told["headline"] == f"Blurry because poses are off by 2.4 px{said}"
+
+
+def test_where_photos_are_misaligned_the_farthest_off_are_named():
+    rows = [view_of(f"v{i}", px) for i, px in enumerate([0.1, math.nan, 3, 2, 1])]
+    told = report.of(cases.with_faults("camera"), rows)["measured"]
+    assert "Farthest off: v2 (6.0 px), v3 (4.0 px), v4 (2.0 px)." in told
+    assert "Farthest" not in " ".join(report.of(WELL, rows)["measured"])
+
+
+def view_of(name, flow_px):
+    numbers = dict.fromkeys(views.COLUMNS, 1.0) | {"split": "train", "stands_out": ""}
+    return views.View(**numbers | {"view": name, "flow_px": flow_px})
+
+
 def test_a_gain_has_its_numbers_and_says_what_it_is_measured_against():
     def said(e=WELL, **changes):
         return report.tried(GAIN._replace(**changes), e)["text"]
 
-    assert "+0.60 dB [+0.30, +0.90]" in said()
+    assert "+0.6 dB [+0.3, +0.9]" in said()
+    assert "+0.60 dB [+0.40, +0.80]" in said(low=0.4, high=0.8)
     for one in testsets.every():
         assert one.against in said(test_set=one.name)
     # Of another program no view can be asked for by another camera.
@@ -507,6 +535,18 @@ def test_the_first_cause_has_most_at_stake_and_its_advice_is_what_to_do(rng):
             wanted = report.with_export(e, first) if e.judged else first
             assert text == wanted[0].upper() + wanted[1:]
             assert "othing about alignment" not in text
+        for one in told["causes"]:
+            # Nothing beyond its limit is called fine.
+            found = base.beyond(
+                one["value"], one["limit"], more_is_better=one["more_is_better"]
+            )
+            assert (one["level"], found.sure is not None) != (report.OK, True), one
+        counts = tuple(one.called for one in report.COUNTS)
+        head = told["headline"].removeprefix("Blurry because ")
+        others = {one.cause for one in named} - {*report.COUNTS}
+        assert not (
+            told["state"] == "misaligned" and others and head.startswith(counts)
+        )
         for one in findings:
             assert all(map(math.isfinite, one["at_stake_db"] or ()))
         said = " ".join([*report.terminal(told), text, *told["because"]])
