@@ -45,7 +45,7 @@ def test_headings_are_those_of_the_registry(results):
     assert "flow (px)" in [column["text"] for column in shown["views"]["columns"]]
 
 
-@pytest.mark.parametrize("table", ["views"])
+@pytest.mark.parametrize("table", ["views", "displacement"])
 def test_the_page_says_why_a_part_can_be_longer_than_the_whole(table):
     note = columns.TABLES[table].note
     assert "part can be longer than the whole" in note
