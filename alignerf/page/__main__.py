@@ -13,7 +13,7 @@ import jinja2
 
 from alignerf.experiment.tables import rows
 from alignerf.io import atomic, faults, provenance
-from alignerf.page import contents, gallery, pictures, rig, told
+from alignerf.page import contents, gallery, matched, pictures, rig, told
 
 HERE = Path(__file__).resolve().parent
 # Where a page may lead to: beside the sources, not of another package.
@@ -126,6 +126,7 @@ def shown(folder, rounds, others, base, limit_px, verdict, crops, moved):
         "photo_px": photo_px,
         "some": gallery.SOME,
         "full_px": gallery.FULL_PX,
+        "matched": matched.told(folder, turns, moved[1], images),
         "moved_by": names.get(moved[0], moved[0]),
         "size_of": "renders" if judged else "training size",
         "data": data,

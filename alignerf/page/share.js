@@ -46,6 +46,10 @@
     button.addEventListener("click", () => copy(button));
   });
 
+  document.querySelectorAll("[data-photo]").forEach((one) => {
+    one.setAttribute("href", data.images[one.dataset.photo].photo);
+  });
+
   $("trainer")?.addEventListener("change", ({ target }) => {
     document.querySelectorAll("[data-trainer]").forEach((one) => {
       one.hidden = one.dataset.trainer !== target.value;

@@ -24,8 +24,8 @@ TRAINERS = {
     "nerfstudio": "ns-train splatfacto --data {}",
     "gsplat": "python examples/simple_trainer.py default --data_dir {} --data_factor 1",
     "Gaussian splatting": "python train.py -s {} --eval -r 1",
-    "OpenSplat": "opensplat {}",
-    "Brush": "brush_app {}",
+    "OpenSplat": "opensplat {} -n 30000 -o splat.ply",
+    "Brush": "brush {}",
 }
 
 

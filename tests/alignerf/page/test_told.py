@@ -2,6 +2,7 @@
 
 import pytest
 
+from alignerf.exports import readme
 from alignerf.page import told
 from alignerf.verdict import report
 from tests.alignerf.page import conftest as cases
@@ -77,6 +78,14 @@ def test_a_command_stands_once(results, causes):
     first = told.read(results)["do_first"]
     assert first["text"] == "Correct the cameras: the command below."
     assert first["command"] == "make photos <x>"
+
+
+def test_a_trainer_s_command_is_that_of_the_export_s_readme():
+    lines = " ".join(readme.TEXT.replace("\\", " ").split())
+    for name in told.TRAINERS:
+        said = [told.trainers(place)[name] for place in (".", "PATH_OF_THIS_FOLDER")]
+        assert any(one in lines for one in said), name
+    assert "'my scene'" in told.trainers("my scene")["Brush"]
 
 
 def test_a_summary_has_what_to_do_and_what_is_fine(results, causes):
