@@ -59,7 +59,7 @@ def how_right():
     return (
         "How often it is right: of faults planted in captures that its rules were not "
         f"made with, the planted cause was named first in {right} of {cases}. "
-        f"Of 10 verdicts, {10 * table['false_each']:.0f} also named one too many."
+        f"Beside it, {table['false_each']:.2f} causes a verdict were not planted."
     )
 
 
