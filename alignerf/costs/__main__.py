@@ -4,6 +4,10 @@ Times a step of each program that the plan trains, as many at once as trainings 
 run. Writes preflight.json, and prints its line. A plan that does not fit into this
 machine's memory is refused, as is a budget without a verdict. `--show` prints the line
 of such files.
+
+`--compile my.yaml` compiles what a config trains and renders, and no more. Trainings in
+the same folder find that, by photos of any size and number. What a scene decides itself
+is compiled with it: `max_resolution` by its facts, cameras or costs that are learnt.
 """
 
 import concurrent.futures
@@ -11,14 +15,17 @@ import json
 import subprocess
 import sys
 import time
+import types
 from pathlib import Path
 
 from alignerf.costs import estimate
-from alignerf.io import atomic, faults, json_files
+from alignerf.experiment import check, jobs, plan, sources
+from alignerf.io import atomic, faults, json_files, yaml_files
 from alignerf.scenes import prepared
 from alignerf.training import memory
 
 OPTIONS = {
+    "[compile]": "a config's file",
     "[show]": ("preflight.json, printed", {"nargs": "*", "type": Path}),
     "[scene]": ("prepared scene folder", Path),
     "[work]": "JSON: what there is to do",
@@ -35,8 +42,11 @@ def main(argv=None):
         said = [json_files.read(path, {"said": str})["said"] for path in args.show]
         print("\n".join(said or ["nothing is said with `preflight: false`"]))
         return
+    if args.compile:
+        compile_ahead(args)
+        return
     if None in (args.scene, args.work, args.out):
-        raise ValueError("--scene, --work and --out, or --show")
+        raise ValueError("--scene, --work and --out, or --show, or --compile")
     parallel_jobs = max(1, args.cores // args.threads)
     scene = args.scene.name
     found = measured(args, json.loads(args.work), parallel_jobs)
@@ -45,6 +55,26 @@ def main(argv=None):
         path.write_text(json.dumps(found, indent=1))
         print(found["said"])
         estimate.check(scene, found, memory.free_host_bytes(), parallel_jobs)
+
+
+def compile_ahead(args):
+    """Compile each program of a config, in the cache of a workflow that runs here."""
+    config = check.checked(yaml_files.read(args.compile) or {}, [args.compile])
+    sources.set_environment()
+    experiment, programs = plan.Experiment(config), {}
+    for scene in experiment.captures():
+        for job in (one.job for one in experiment.trainings(scene).values()):
+            if job.ours:
+                job = jobs.parse(job.changed(decisions=None, scaled=False).model_dump())
+                programs[estimate.program_of(job)] = job
+    threads, gpus = sources.OF_TRAINING, sources.gpus(config)
+    args = types.SimpleNamespace(scene=None, threads=threads, gpus=gpus)
+    with concurrent.futures.ThreadPoolExecutor(
+        sources.WHOLE_MACHINE // threads
+    ) as pool:
+        done = pool.map(lambda job: calibrate(args, job), programs.values())
+        for number, _ in enumerate(done, 1):
+            print(f"compiled {number} of {len(programs)}", flush=True)
 
 
 def measured(args, work, parallel_jobs):
@@ -69,8 +99,8 @@ def calibrate(args, job) -> estimate.Rates:
     Raises ValueError with the fault of the process, or where the system killed it.
     """
     command = [sys.executable, "-m", "alignerf.costs.calibrate"]
-    command += ["--scene", str(args.scene), "--threads", str(args.threads)]
-    command += ["--gpus", str(args.gpus)]
+    command += ["--threads", str(args.threads), "--gpus", str(args.gpus)]
+    command += ["--scene", str(args.scene)] if args.scene else []
     command += ["--config", json_files.canonical(job.model_dump())]
     command += ["--started", str(time.time())]
     done = subprocess.run(command, capture_output=True, text=True)

@@ -2,28 +2,40 @@
 
 The process has the threads and devices of the job, so that the job later takes the
 compiled program from JAX's cache. It compiles twice: the second time, from the cache,
-is the job's. Writes JSON to stdout.
+is the job's. Writes JSON to stdout. Without a scene it compiles for any scene.
 """
 
 import json
 import time
+import types
 
 import jax
+import numpy as np
 
 from alignerf.costs import estimate
 from alignerf.experiment import jobs
 from alignerf.io import faults, machine
 from alignerf.processes import devices
 from alignerf.scenes import prepared
-from alignerf.training import batches, checkpoint, compose, loop, memory, program
+from alignerf.training import (
+    batches,
+    checkpoint,
+    compose,
+    loop,
+    memory,
+    program,
+    renderer,
+)
 
 # Steps are timed so long.
 TIMING_S = 3.0
+# Of a photo with more pixels than are rendered at once.
+SIDE_PX = 1024
 
 
 OPTIONS = {
     "config": "job as JSON, or its file",
-    "scene": "prepared scene folder",
+    "[scene]": "prepared scene folder",
     "[threads]": faults.THREADS,
     "[gpus]": faults.GPUS,
     "[started]": ("when, in seconds since 1970", float),
@@ -37,7 +49,24 @@ def main(argv=None):
     job = jobs.read(args.config)
     if program.hashed(job.model):
         devices.use_as_devices()
-    print(json.dumps(rates_of(job, prepared.load(args.scene), started)._asdict()))
+    if args.scene:
+        rates = rates_of(job, prepared.load(args.scene), started)
+    else:
+        compile_ahead(job)
+        rates = estimate.Rates()
+    print(json.dumps(rates._asdict()))
+
+
+def compile_ahead(job):
+    """Compile a job's step and renderer, which know nothing of a scene."""
+    method = compose.without_cameras(job, to_train=True)
+    params = jax.jit(method.init)(jax.random.key(0))
+    size = types.SimpleNamespace(width=SIDE_PX, height=SIDE_PX)
+    program.build(job, method, params, batches.view_shapes(size, [0]))
+    # One pixel, so that no more than one chunk of rays is rendered.
+    wanted = np.arange(SIDE_PX**2).reshape(SIDE_PX, SIDE_PX) == 0
+    render = renderer.make_renderer(method, params, SIDE_PX, SIDE_PX)
+    render(np.eye(3), np.eye(3, 4), wanted)
 
 
 def rates_of(job, loaded: prepared.Scene, started) -> estimate.Rates:

@@ -17,7 +17,7 @@ USABLE = 0.9
 # Keys that no compiled step depends on.
 LENGTH = {"steps", "budget_min", "warmup_steps", "learning_rates"}
 UNTIMED = {"stage", "pretrain_fraction", "align", "pose_optimization", "auto"}
-UNTIMED |= {"decisions"}
+UNTIMED |= {"decisions", "scaled", "seed"}
 
 
 class Rates(NamedTuple):

@@ -5,11 +5,12 @@ import os
 import sys
 import types
 
+import jax
 import pytest
 
 from alignerf.costs import __main__ as costs
-from alignerf.costs import estimate
-from alignerf.experiment import jobs
+from alignerf.costs import calibrate, estimate
+from alignerf.experiment import jobs, sources
 from tests import job_cases as cases
 
 
@@ -82,6 +83,28 @@ def test_a_fault_is_said_and_one_of_memory_with_what_to_do(
         costs.calibrate(
             types.SimpleNamespace(scene=scene, threads=1, gpus=1), jobs.parse(JOB)
         )
+
+
+def test_a_config_is_compiled_ahead_once_a_program(tmp_path, monkeypatch, capsys):
+    """Whatever its scenes' cameras are; other lengths compile nothing."""
+    compiled = []
+    monkeypatch.setattr(costs, "calibrate", lambda args, job: compiled.append(job))
+    monkeypatch.setattr(sources, "set_environment", lambda: None)
+    scenes = {name: {"source": "courtyard", "seed": n} for n, name in enumerate("ab")}
+    config = {"scenes": scenes, "decide": True, "methods": {"plain": {"rounds": 1}}}
+    (tmp_path / "my.yaml").write_text(json.dumps(config))
+    costs.main(["--compile", str(tmp_path / "my.yaml")])
+    assert [job.stage for job in compiled] == ["full"]
+    assert capsys.readouterr().out == "compiled 1 of 1\n"
+
+
+@pytest.mark.whole
+def test_a_step_and_a_renderer_are_compiled_ahead(monkeypatch, caplog):
+    monkeypatch.setattr(calibrate, "SIDE_PX", 80)
+    with jax.log_compiles():
+        calibrate.compile_ahead(jobs.parse(JOB))
+    for name in ("learn", "render_pixels"):
+        assert f"Finished XLA compilation of jit({name})" in caplog.text
 
 
 def test_nothing_is_asked_for(capsys):
