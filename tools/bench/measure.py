@@ -4,14 +4,25 @@ Notation: a rate is work / seconds; a ratio is how many times faster ours is tha
 peer, one for each pair of neighbours in time: a slow minute of the machine hits both.
 """
 
+import csv
 import datetime
 import hashlib
+import io
+import math
+import os
 import statistics
 import time
+from pathlib import Path
 
 import jax
 
-from alignerf.io import provenance
+from alignerf.io import machine, provenance
+
+# Columns of where figures are of, and of a row of rates.
+ORIGIN = ("device", "cores", "jax", "commit", "lock")
+ARMS, SPREAD = ("ours", "multinerf"), ("", "_low", "_high")
+RATES = ["what", *(f"{arm}{part}_rays_per_s" for arm in ARMS for part in SPREAD)]
+RATES += [*(f"ratio{part}" for part in SPREAD), "note", *ORIGIN]
 
 
 def spread(values):
@@ -20,32 +31,71 @@ def spread(values):
     return [statistics.median(values), min(values), max(values)]
 
 
-def seconds(call):
-    """Of one call, until all that it returns has been computed."""
+def seconds(call, count=1):
+    """Of a call, of `count` in a row, until all that they return has been computed."""
     start = time.perf_counter()
-    jax.block_until_ready(call())
-    return time.perf_counter() - start
+    for _ in range(count):
+        found = call()
+    jax.block_until_ready(found)
+    return (time.perf_counter() - start) / count
 
 
-def interleave(arms, repeats):
-    """Seconds {name: [repeats]} of the arms {name: call}: A B A B, compiled before."""
-    times = {name: [] for name in arms}
-    for call in arms.values():
-        seconds(call)
+def interleave(arms, repeats, *, least_s=0.0):
+    """Seconds {name: [repeats]} of the arms {name: call}: A B A B, compiled before.
+
+    least_s: of a turn, which has so many calls: a device works while others are queued.
+    """
+    times, counts = {name: [] for name in arms}, {}
+    for name, call in arms.items():
+        once = [seconds(call) for _ in range(2 if least_s else 1)]
+        counts[name] = max(1, math.ceil(least_s / once[-1]))
     for _ in range(repeats):
         for name, call in arms.items():
-            times[name].append(seconds(call))
+            times[name].append(seconds(call, counts[name]))
     return times
 
 
 def rates(what, times, work, *, note=""):
-    """A row of rays/s from the seconds of `ours` and, where there is one, `peer`."""
-    row = {"what": what, "unit": "rays/s", "note": note}
-    row |= {name: spread(work / s for s in own) for name, own in times.items()}
-    if "peer" in times:
-        pairs = zip(times["ours"], times["peer"], strict=True)
-        row["ratio"] = spread(peer / ours for ours, peer in pairs)
+    """A row of RATES from the seconds of `ours` and, if there is one, `multinerf`."""
+    found = {name: [work / s for s in own] for name, own in times.items()}
+    row = {"what": what, "note": note} | origin()
+    for name, own in found.items():
+        row |= named(f"{name}{{}}_rays_per_s", own)
+    if len(found) > 1:
+        pairs = zip(*(found[name] for name in ARMS), strict=True)
+        row |= named("ratio{}", [ours / theirs for ours, theirs in pairs])
     return row
+
+
+def named(column, values):
+    """{column: value} of the spread of values."""
+    return dict(zip(map(column.format, SPREAD), spread(values), strict=True))
+
+
+def origin():
+    """Device and code of this process, by the columns of ORIGIN."""
+    facts = provenance.facts()
+    device = jax.devices()[0]
+    known = device.device_kind if device.platform != "cpu" else machine.processor()
+    values = known, machine.cores(), jax.__version__, facts["commit"], facts["lock"]
+    return dict(zip(ORIGIN, values, strict=True))
+
+
+def append(path, columns, row):
+    """Add a row {column: value} to a CSV: in one write, which is then on the disk.
+
+    So a kill loses no row. ValueError where the file has other columns.
+    """
+    text, path = io.StringIO(newline=""), Path(path)
+    lines = csv.DictWriter(text, columns, lineterminator="\n")
+    if not path.exists():
+        lines.writeheader()
+    elif (has := path.read_text().partition("\n")[0]) != ",".join(columns):
+        raise ValueError(f"{path}: columns {has:.80}, not {','.join(columns):.80}")
+    lines.writerow(row)
+    with open(path, "ab", buffering=0) as file:
+        file.write(text.getvalue().encode())
+        os.fsync(file.fileno())
 
 
 def head(command, machine):

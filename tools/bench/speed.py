@@ -1,31 +1,37 @@
-"""Training and rendering rays/s, ours beside the peer's, of the same architecture.
+"""Training and rendering rays/s, ours beside multinerf's, of the same architecture.
 
-`make bench`, with PEER=... beside google-research/multinerf, prints a table and writes
-results/bench/speed.json: of each rate the median, the least and the largest.
+`make bench`, with PEER=... beside google-research/multinerf, prints rows and adds them
+to results/bench/speed.csv: of each rate the median, the least and the largest.
 The peer's batches are drawn and cast to rays beforehand (it has a thread for that);
 ours are drawn within the step. A step of the peer's computes the statistics that it
 always does, and its rendering percentiles of depth; ours gives a depth too.
 """
 
 import argparse
-import json
-import os
 import sys
 from pathlib import Path
+from typing import Any, NamedTuple
 
-import jax
-import pandas as pd
-
-from alignerf.io import atomic, faults, owned, provenance
+from alignerf.io import faults, owned, provenance
 from alignerf.training import renderer
 from tools.bench import cases, measure, multinerf, ours, theirs
 
-# Name, model, rays of a step, sides of a rendered view.
-CASES = [
-    ("small", cases.SMALL, 1024, (64, 64)),
-    ("published", cases.PUBLISHED, 128, (32, 16)),
-]
-QUICK = [("tiny", cases.TINY, 16, (8, 8))]
+FILE = "speed.csv"
+
+
+class Case(NamedTuple):
+    """A job and photos; model: the peer's, in the words of `cases`, if it has one."""
+
+    name: str
+    job: Any
+    photos: cases.Photos
+    model: dict | None
+
+    @classmethod
+    def of(cls, name, model, batch_rays, size):
+        """Of a model of `cases`, on views of a size."""
+        job = cases.make_job(model, batch_rays=batch_rays)
+        return cls(name, job, cases.orbit(width=size[0], height=size[1]), model)
 
 
 def main(argv=None):
@@ -39,64 +45,68 @@ def main(argv=None):
     if args.repeats < 1:
         raise ValueError(f"--repeats: {args.repeats} is less than 1")
     owned.claim(args.out)
-    hardware = provenance.facts() | {
-        "cpu": provenance.processor(),
-        "cores": len(os.sched_getaffinity(0)),
-        "device": jax.devices()[0].device_kind,
-        "jax": jax.__version__,
-    }
-    rows = list(run(args))
-    print(pd.DataFrame(rows).to_string(index=False, float_format="%.4g"))
-    owned.put(args.out, ["speed.json"])
-    with atomic.replace_file(args.out / "speed.json") as path:
-        path.write_text(json.dumps({"hardware": hardware, "rows": rows}, indent=1))
+    owned.put(args.out, [FILE])
+    modules = multinerf.load(args.peer) if args.peer else None
+    every = [
+        Case.of("small MLP", cases.SMALL, 1024, (64, 64)),
+        Case.of("published size", cases.PUBLISHED, 128, (32, 16)),
+    ]
+    if args.quick:
+        every = [Case.of("tiny", cases.TINY, 16, (8, 8))]
+    for case in every:
+        for row in rows(case, modules, repeats=args.repeats):
+            print(row)
+            measure.append(args.out / FILE, measure.RATES, row)
 
 
-def run(options):
-    """Rows: training and rendering of each case."""
-    modules = multinerf.load(options.peer) if options.peer else None
-    for name, model, batch, (width, height) in QUICK if options.quick else CASES:
-        photos = cases.orbit(width=width, height=height)
-        arms = {"ours": Ours(model, photos, batch)}
-        count = arms["ours"].train.parameters
-        note = f"{count:,} parameters, batch {batch}"
-        if modules:
-            peer = arms["peer"] = Peer(modules, name, model, photos, batch)
-            note += f", peer {peer.choice}"
-            if peer.train.parameters != count:
-                raise ValueError(
-                    f"{name}: the peer has {peer.train.parameters}, {note}"
-                )
-        for what, work in (("train", batch), ("render", width * height)):
-            calls = {key: getattr(arm, what) for key, arm in arms.items()}
-            times = measure.interleave(calls, options.repeats)
-            yield measure.rates(f"{what} {name}", times, work, note=note)
+def rows(case: Case, modules=None, *, repeats, least_s=0.0):
+    """Rows of a case: training and rendering; modules: the peer's.
+
+    Without repeats all is compiled, and there are none.
+    """
+    height, width = case.photos.images.shape[1:3]
+    arms = {"ours": Ours(case)}
+    count = arms["ours"].train.parameters
+    batch_rays = case.job.rays_per_step
+    note = f"{count:,} parameters, batch {batch_rays}, views {width}x{height}"
+    if modules and case.model:
+        peer = arms["multinerf"] = Peer(modules, case)
+        note += f", multinerf {peer.choice}"
+        if peer.train.parameters != count:
+            raise ValueError(
+                f"{case.name}: the peer has {peer.train.parameters}, {note}"
+            )
+    for what, work in (("train", batch_rays), ("render", width * height)):
+        calls = {name: getattr(arm, what) for name, arm in arms.items()}
+        times = measure.interleave(calls, repeats, least_s=least_s)
+        if repeats:
+            yield measure.rates(f"{what}ing, {case.name}", times, work, note=note)
 
 
 class Ours:
     """Our training and rendering as calls without arguments."""
 
-    def __init__(self, model, photos, batch):
-        self.train = ours.Training(cases.make_job(model, batch_rays=batch), photos)
-        self.render = self.train.view(photos, 0)
+    def __init__(self, case):
+        self.train = ours.Training(case.job, case.photos)
+        self.render = self.train.view(case.photos, 0)
 
 
 class Peer:
     """The peer's; of its two ways of resampling, the faster one here."""
 
-    def __init__(self, modules, name, model, photos, batch):
+    def __init__(self, modules, case):
         trainings = {}
         for gather in (False, True):
             made = theirs.make(
                 modules,
-                name=f"{name}_{gather}",
-                **model,
-                batch_rays=batch,
+                name=f"{case.name}_{gather}".replace(" ", "_"),
+                **case.model,
+                batch_rays=case.job.rays_per_step,
                 steps=250_000,
                 gather=gather,
                 chunk_rays=renderer.CHUNK_RAYS,
             )
-            trainings[gather] = theirs.Training(made, photos)
+            trainings[gather] = theirs.Training(made, case.photos)
         times = measure.interleave(trainings, 3)
         best = min(trainings, key=lambda gather: min(times[gather]))
         self.choice = f"use_gpu_resampling={best}"

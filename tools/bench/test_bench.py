@@ -7,6 +7,7 @@ import math
 import os
 import subprocess
 import sys
+import time
 
 import jax
 import numpy as np
@@ -40,13 +41,12 @@ def test_it_writes_finite_figures_with_the_hardware(root, tmp_path):
         text=True,
     )
     assert done.returncode == 0, done.stderr
-    found = json.loads((tmp_path / "speed.json").read_text())
-    assert found["hardware"]["cores"] >= 1
-    assert found["hardware"]["jax"] == jax.__version__
-    assert [row["what"] for row in found["rows"]] == ["train tiny", "render tiny"]
-    for row in found["rows"]:
-        assert row["what"] in done.stdout
-        assert 0 < row["ours"][0] < math.inf
+    found = pd.read_csv(tmp_path / "speed.csv")
+    assert list(found["what"]) == ["training, tiny", "rendering, tiny"]
+    assert set(found["jax"]) == {jax.__version__}
+    assert (found["cores"] >= 1).all()
+    assert (found["ours_low_rays_per_s"] > 0).all()
+    assert found["ratio"].isna().all()
 
 
 def test_arms_take_turns_after_a_first_call_of_each():
@@ -59,10 +59,53 @@ def test_arms_take_turns_after_a_first_call_of_each():
 
 def test_ratios_come_from_pairs():
     # The machine was ten times slower at the second pair: ratios do not see it.
-    times = {"ours": [1.0, 10.0, 1.0], "peer": [3.0, 30.0, 4.0]}
+    times = {"ours": [1.0, 10.0, 1.0], "multinerf": [3.0, 30.0, 4.0]}
     row = measure.rates("x", times, 12)
-    assert row["ratio"] == [3.0, 3.0, 4.0]
-    assert row["ours"] == [12.0, 1.2, 12.0]
+    assert [row[f"ratio{part}"] for part in measure.SPREAD] == [3.0, 3.0, 4.0]
+    assert row["ours_low_rays_per_s"] == 1.2
+    assert set(row) == {*measure.RATES}
+
+
+def test_a_turn_has_as_many_calls_as_its_seconds_hold(monkeypatch):
+    """Of seconds a call, not a turn; a call that takes longer is made once."""
+    now = [0.0]
+    monkeypatch.setattr(measure.time, "perf_counter", lambda: now[0])
+    made = []
+
+    def call_of(name, took_s):
+        def call():
+            made.append(name)
+            now[0] += took_s
+
+        return call
+
+    arms = {"fast": call_of("fast", 0.25), "slow": call_of("slow", 2.0)}
+    times = measure.interleave(arms, 3, least_s=1.0)
+    assert times == {"fast": [0.25] * 3, "slow": [2.0] * 3}
+    assert made[4:9] == ["fast"] * 4 + ["slow"]
+
+
+def test_a_kill_loses_no_row_of_a_csv(tmp_path):
+    """Whenever it comes, what is there are whole rows, and the next one fits."""
+    path, columns = tmp_path / "rows.csv", ("number", "text")
+    code = (
+        "import sys; from tools.bench import measure\n"
+        "for n in range(10**9):\n"
+        f"    measure.append({str(path)!r}, {columns}, dict(number=n, text='a,b'*n))"
+    )
+    for _ in range(2):
+        before = path.stat().st_size if path.exists() else 0
+        child = subprocess.Popen([sys.executable, "-c", code])
+        while not path.exists() or path.stat().st_size < before + 5000:
+            time.sleep(0.01)
+        child.kill()
+        child.wait()
+        rows = pd.read_csv(path, keep_default_na=False)
+        expected = ["a,b" * number for number in rows["number"]]
+        assert list(rows["text"]) == expected
+        assert len(rows) > 9
+    with pytest.raises(ValueError, match=f"{path}: columns number,text, not other"):
+        measure.append(path, ("other",), {"other": 1})
 
 
 def test_the_default_model_is_that_of_the_benchmarks(root):

@@ -1,0 +1,94 @@
+"""Ten minutes on an accelerator: all of it on a CPU, and that it keeps to its time."""
+
+import math
+import os
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from tools.gpu import paper_size, ten_minutes
+
+
+def states(out):
+    table = pd.read_csv(out / "stages.csv", keep_default_na=False)
+    return dict(zip(table["stage"], table["state"], strict=True))
+
+
+def test_what_fails_hangs_or_does_not_fit_stops_no_other(tmp_path):
+    """A process that is gone is replaced; one that hangs is ended with its own."""
+    stage, mark = ten_minutes.Stage, tmp_path / "mark"
+    hang = ["sh", "-c", f"echo $$ > {mark}; exec sleep 300"]
+    todo = [
+        stage("fails", 0, int, ("no number",)),
+        stage("dies", 0, os._exit, (1,)),
+        stage("long", 1000, math.sqrt, (4,)),
+        stage("runs", 0, math.sqrt, (4,)),
+        stage("hangs", 0, subprocess.run, (hang,), most_s=2),
+    ]
+    ten_minutes.carry_out(todo[:1], todo, tmp_path, seconds=300)
+    expected = {"fails": "failed", "dies": "failed", "long": "skipped"}
+    assert states(tmp_path) == expected | {"runs": "done", "hangs": "stopped"}
+    # Its parent, which is to take note, is gone as well.
+    deadline = time.monotonic() + 10
+    while (place := Path("/proc", mark.read_text().strip(), "cmdline")).exists():
+        if not place.read_text() or time.monotonic() > deadline:
+            break
+        time.sleep(0.05)
+    assert not place.exists() or not place.read_text()
+    # What is done is not done again, and a run keeps to its time.
+    todo = [todo[3], stage("sleeps", 0, time.sleep, (300,)), stage("late", 1, int, ())]
+    began = time.monotonic()
+    ten_minutes.carry_out([], todo, tmp_path, seconds=1)
+    assert time.monotonic() - began < 30
+    assert states(tmp_path) | {"sleeps": "stopped", "late": "skipped"} == states(
+        tmp_path
+    )
+    assert (tmp_path / "stages.csv").read_text().count("runs,") == 1
+
+
+def test_eight_cards_share_trainings_and_no_more(rng):
+    """As a schedule by hand: each training takes a card for its hours."""
+    for _ in range(100):
+        count, cards = (int(n) for n in rng.integers(1, 20, 2))
+        each = rng.uniform(1, 100)
+        free = np.zeros(cards)
+        for _ in range(count):
+            free[free.argmin()] += each
+        rays = 3600 * each * count * 1e5
+        assert paper_size.hours(rays, 1e5, count, cards) == pytest.approx(free.max())
+
+
+def test_an_unprepared_folder_is_named(tmp_path):
+    with pytest.raises(ValueError, match=f"{tmp_path}: not prepared"):
+        ten_minutes.main([str(tmp_path)])
+
+
+@pytest.mark.whole
+def test_a_dry_run_does_all_of_it(tmp_path, root, capsys):
+    """Without a peer and gsplat, which it says; and the hours that follow."""
+    folder = tmp_path / "folder"
+    done = subprocess.run(
+        [sys.executable, "-m", "tools.gpu.ten_minutes", str(folder), "--dry"],
+        cwd=root,
+    )
+    assert done.returncode == 0
+    measured = folder / "measured"
+    assert set(states(measured).values()) == {"done"}
+    assert "no multinerf" in (measured / "stages.csv").read_text()
+    assert "no gsplat" in (measured / "stages.csv").read_text()
+    rates = pd.read_csv(measured / "speed.csv")
+    assert len(rates) == 4
+    trained = pd.read_csv(measured / "trainings.csv")
+    # Two scenes, two lengths; AligNeRF has two stages.
+    assert len(trained) == 2 * 2 * (1 + 2 + 1)
+    assert (trained["rays_per_s"] > 0).all()
+    scores = pd.read_csv(measured / "scores.csv")
+    assert set(scores["test_set"]) >= {"standard", "oracle"}
+    assert np.isfinite(scores["psnr_db"]).all()
+    paper_size.main([str(measured / "trainings.csv")])
+    assert "Table 2, mip-NeRF 360: " in capsys.readouterr().out
