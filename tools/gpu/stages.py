@@ -24,16 +24,21 @@ SCORES = ("scene", "method", "seconds", *evaluate.COLUMNS, *measure.ORIGIN)
 SPLATS = ("scene", "steps", "psnr_db", "ssim", "lpips", "gaussians", *measure.ORIGIN)
 # Seconds of a turn where a device is fast, and turns.
 TURN_S, TURNS = 1.0, 3
+# Of the paper's trainings.
+STEPS = 250_000
 # gsplat's trainer, in a checkout of it.
 GSPLAT, GSPLAT_STEPS = Path("examples/simple_trainer.py"), 7000
 
 
 def compile_training(config, scene):
-    """Compile a job's step, and the program that renders what it trains."""
+    """Compile a job's steps, and the program that renders what it trains."""
     job, loaded = jobs.parse(json.loads(config)), prepared.load(scene)
-    method, key = compose.make_method(job, loaded), jax.random.key(job.seed)
-    shapes = batches.view_shapes(loaded, loaded.views("train"))
-    program.build(job, method, jax.eval_shape(method.init, key), shapes)
+    chosen = loaded.views("train")
+    key, shapes = jax.random.key(job.seed), batches.view_shapes(loaded, chosen)
+    # The second is that after its look at the photos.
+    for learning in (False, True) if job.part else (False,):
+        method = compose.make_method(job, loaded, learning=learning)
+        program.build(job, method, jax.eval_shape(method.init, key), shapes)
     method = compose.make_method(job, loaded, to_train=False)
     render = renderer.make_renderer(
         method, jax.jit(method.init)(key), loaded.width, loaded.height
@@ -49,7 +54,9 @@ def rates(out, config, peer, *, dry, grid, repeats=TURNS):
     config: the job of ours, whose batch both have. Returns why multinerf is not there.
     Without repeats all is compiled.
     """
-    job, size = jobs.parse(json.loads(config)), (16, 12) if dry else (400, 300)
+    size = (16, 12) if dry else (400, 300)
+    # How many steps there are changes no program.
+    job = jobs.with_steps(jobs.parse(json.loads(config)), STEPS)
     if grid:
         case = speed.Case.of("hash grid", cases.GRID, job.rays_per_step, size)
         modules, why = None, ""

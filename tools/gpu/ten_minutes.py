@@ -10,9 +10,9 @@ of a hash grid; (b) the methods of workflow/config/evidence/published.yaml, 90 s
 240 s each; (c) splats by gsplat's trainer, by cameras as they came and adjusted.
 
 Writes CSVs to --out, row by row: a kill loses none, and what is done is not done again.
-A stage that does not fit into what is left of the minutes is skipped; stages.csv says
-so. --prepare needs COLMAP and the data in ALIGNERF_DATA; FOLDER is then all that the
-other machine needs, in 64 MiB.
+stages.csv says what became of each stage; one that does not fit into what is left of
+the minutes is skipped. --prepare needs COLMAP and the data in ALIGNERF_DATA; FOLDER is
+then all that the other machine needs beside this program, in 64 MiB.
 """
 
 import argparse
@@ -81,7 +81,12 @@ def main(argv=None):
     programs = args.folder / "programs" / machine.processor()
     os.environ.setdefault("JAX_COMPILATION_CACHE_DIR", str(programs))
     os.environ.setdefault("JAX_PERSISTENT_CACHE_MIN_COMPILE_TIME_SECS", "0")
-    # Several processes compile on one device.
+    if args.dry:
+        # What runs for a moment is compiled in a third of the time.
+        os.environ.setdefault("XLA_FLAGS", "--xla_backend_optimization_level=0")
+    # One card: trainings in one process would take another each. Several processes
+    # compile on it.
+    os.environ.setdefault("CUDA_VISIBLE_DEVICES", "0")
     os.environ.setdefault("XLA_PYTHON_CLIENT_PREALLOCATE", "false")
     carry_out(*planned(args), args.out, seconds=60 * args.minutes)
 
@@ -103,12 +108,14 @@ class Stage(NamedTuple):
 def carry_out(programs, todo, out, *, seconds, clock=time.monotonic):
     """Compile at once, then run stages in turn, as long as there is time.
 
-    A line of stages.csv says what became of each.
+    A line of stages.csv says what became of each. One that is done, and has nothing to
+    note, is not done again.
     """
     end, path = clock() + seconds, out / "stages.csv"
     commit, done = provenance.commit(), set()
     if path.exists():
-        ended = pd.read_csv(path).query("state == 'done'")
+        ended = pd.read_csv(path)
+        ended = ended[(ended["state"] == "done") & ended["note"].isna()]
         done = set(ended.loc[ended["commit"] == commit, "stage"])
 
     def tell(stage, state, took_s, note):
@@ -161,7 +168,7 @@ def planned(args):
             chain, needs_s = [], BESIDE_S * (not args.dry)
             for one in trainings.lead_to(experiment.at(scene, name, 0)):
                 at, before = (
-                    args.out / "trained" / f"{seconds}s" / scene / folder
+                    args.folder / "trained" / f"{seconds}s" / scene / folder
                     for folder in (one.folder, one.after[0].folder if one.after else "")
                 )
                 chain.append((one.job.text, at, before if one.initial else None))
@@ -184,7 +191,7 @@ def planned(args):
         measuring.append(stage)
         compiling[stage.name] = stage.function, arguments, options | {"repeats": 0}
     for name in SPLATS:
-        at = args.out / "trained" / name
+        at = args.folder / "trained" / name
         arguments = args.out, args.folder / "splats" / name, at, args.gsplat
         needs_s = SPLAT_S * bool(args.gsplat)
         later.append(Stage(f"splat {name}", needs_s, stages.splat, arguments))
@@ -208,18 +215,15 @@ def prepare(folder, *, dry):
     weights = Path(DATA) / "weights" / "vgg19_block1.npz"
     with atomic.replace_folder(folder) as made, tempfile.TemporaryDirectory() as work:
         work, made = Path(work), Path(made)
-        (work / "config.yaml").write_text(yaml.safe_dump(config))
-        results = snakemake(work, work / "config.yaml", SCENES, ["cameras.npz"])
+        results = snakemake(work, config, SCENES, ["cameras.npz"])
         for scene in SCENES:
-            for part in ("images", "cameras.npz"):
-                (made / scene).mkdir(exist_ok=True)
-                copy = shutil.copy if part == "cameras.npz" else shutil.copytree
-                copy(results / scene / part, made / scene / part)
+            shutil.copytree(results / scene, made / scene)
         if weights.is_file():
             shutil.copy(weights, made / "vgg19.npz")
         if not dry:
-            wanted = ["cameras.npz", "config.yaml"]
-            snakemake(work, EVIDENCE / "real_cures.yaml", SPLATS, wanted)
+            config = yaml_files.read(EVIDENCE / "real_cures.yaml")
+            config["scenes"] = {name: config["scenes"][name] for name in SPLATS}
+            snakemake(work, config, SPLATS, ["cameras.npz", "config.yaml"])
             for scene in SPLATS:
                 out = made / "splats" / scene
                 words = ["--scene", str(results / scene), "--out", str(out)]
@@ -232,10 +236,12 @@ def prepare(folder, *, dry):
 
 def snakemake(work, config, scenes, files):
     """Prepare scenes of a config in a folder; its results."""
+    path = work / "config.yaml"
+    path.write_text(yaml.safe_dump(config))
     where = ["--directory", str(work), "--snakefile", str(ROOT / "Snakefile")]
     words = ["--cores", str(machine.cores()), "--workflow-profile", "none", *where]
     targets = [f"results/{scene}/{file}" for scene in scenes for file in files]
-    run("snakemake", *words, "--configfile", str(config), "--", *targets)
+    run("snakemake", *words, "--configfile", str(path), "--", *targets)
     return work / "results"
 
 

@@ -27,7 +27,7 @@ def test_what_fails_hangs_or_does_not_fit_stops_no_other(tmp_path):
         stage("fails", 0, int, ("no number",)),
         stage("dies", 0, os._exit, (1,)),
         stage("long", 1000, math.sqrt, (4,)),
-        stage("runs", 0, math.sqrt, (4,)),
+        stage("runs", 0, math.isnan, (4,)),
         stage("hangs", 0, subprocess.run, (hang,), most_s=2),
     ]
     ten_minutes.carry_out(todo[:1], todo, tmp_path, seconds=300)

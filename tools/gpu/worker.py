@@ -7,6 +7,9 @@ import os
 import signal
 import sys
 
+# A process that has not begun by then is none.
+BEGINNING_S = 60
+
 
 class Worker:
     """A process that runs stages in turn; it ends with one that takes too long.
@@ -40,10 +43,10 @@ class Worker:
     def end(self):
         """End the process, and what it has started."""
         if self.pool:
-            # A process that has not begun is not in a group of its own.
-            if self.pid.done() and not self.pid.exception():
-                with contextlib.suppress(ProcessLookupError):
-                    os.killpg(self.pid.result(), signal.SIGKILL)
+            # One that is only about to begin is in no group of its own yet.
+            gone = ProcessLookupError, concurrent.futures.BrokenExecutor, TimeoutError
+            with contextlib.suppress(*gone):
+                os.killpg(self.pid.result(BEGINNING_S), signal.SIGKILL)
             self.pool.shutdown(wait=False, cancel_futures=True)
             self.pool = None
 
