@@ -114,6 +114,8 @@ def method(out, scene, chain, names):
     words = {"scene": scene, "renders": at / "test", "metrics": at / "metrics.csv"}
     if (truth := scene / "images" / "truth").is_dir():
         words["truth"] = truth
+    if (lpips := scene.parent / "lpips_alex.npz").is_file():
+        words["lpips-alex"] = lpips
     evaluate.main(words_of(words))
     scores = pd.read_csv(at / "metrics.csv", keep_default_na=False)
     for row in scores.to_dict("records"):

@@ -46,6 +46,10 @@ SCENES = "published_courtyard", "published_flower"
 LENGTHS_S, DRY_S = (90, 240), (1, 2)
 # Splats of these scenes of real_cures.yaml, so wide.
 SPLATS, SPLATS_PX = ("chair", "chair_adjusted"), 640
+WEIGHTS = {
+    "vgg19.npz": "vgg19_block1.npz",
+    "lpips_alex.npz": "lpips_alex_v0.1.npz",
+}
 MAX_BYTES = 64 * 2**20
 # Beside the seconds of a stage: loading programs and photos, rendering, scores.
 BESIDE_S = 15
@@ -212,14 +216,14 @@ def config_of(dry):
 def prepare(folder, *, dry):
     """Make the folder that is carried: scenes, weights and exports for splats."""
     config = config_of(dry) | {"frequency_weights": None}
-    weights = Path(DATA) / "weights" / "vgg19_block1.npz"
     with atomic.replace_folder(folder) as made, tempfile.TemporaryDirectory() as work:
         work, made = Path(work), Path(made)
         results = snakemake(work, config, SCENES, ["cameras.npz"])
         for scene in SCENES:
             shutil.copytree(results / scene, made / scene)
-        if weights.is_file():
-            shutil.copy(weights, made / "vgg19.npz")
+        for name, file in WEIGHTS.items():
+            if (weights := Path(DATA) / "weights" / file).is_file():
+                shutil.copy(weights, made / name)
         if not dry:
             config = yaml_files.read(EVIDENCE / "real_cures.yaml")
             config["scenes"] = {name: config["scenes"][name] for name in SPLATS}
