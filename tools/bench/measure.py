@@ -57,13 +57,12 @@ def interleave(arms, repeats, *, least_s=0.0):
 
 def rates(what, times, work, *, note=""):
     """A row of RATES from the seconds of `ours` and, if there is one, `multinerf`."""
-    found = {name: [work / s for s in own] for name, own in times.items()}
     row = {"what": what, "note": note} | origin()
-    for name, own in found.items():
-        row |= named(f"{name}{{}}_rays_per_s", own)
-    if len(found) > 1:
-        pairs = zip(*(found[name] for name in ARMS), strict=True)
-        row |= named("ratio{}", [ours / theirs for ours, theirs in pairs])
+    for name, own in times.items():
+        row |= named(f"{name}{{}}_rays_per_s", [work / s for s in own])
+    if len(times) > 1:
+        pairs = zip(*(times[name] for name in ARMS), strict=True)
+        row |= named("ratio{}", [theirs / ours for ours, theirs in pairs])
     return row
 
 

@@ -73,7 +73,14 @@ def test_a_dry_run_does_all_of_it(tmp_path, root, capsys):
     """Without a peer and gsplat, which it says; and the hours that follow."""
     folder = tmp_path / "folder"
     done = subprocess.run(
-        [sys.executable, "-m", "tools.gpu.ten_minutes", str(folder), "--dry"],
+        [
+            sys.executable,
+            "-m",
+            "tools.gpu.ten_minutes",
+            str(folder),
+            "--dry",
+            "--minutes=60",
+        ],
         cwd=root,
     )
     assert done.returncode == 0
