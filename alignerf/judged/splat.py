@@ -304,14 +304,15 @@ def trained_by(path):
     return None
 
 
-def trained_px(path, cameras):
+def trained_px(path, cameras=None):
     """The longest side of the photos that a splat was trained on; None where unknown.
 
     Rendered larger, it has less detail than the photos, which is no misalignment. 3DGS
     writes the size of the photos, and beside it how much smaller it has made them,
-    or taken them from images_4. gsplat writes how much smaller alone.
+    or taken them from images_4. gsplat writes how much smaller than those of
+    its cameras alone.
     """
-    for beside in above(path, GSPLAT):
+    for beside in above(path, GSPLAT) if cameras else ():
         if told := re.search(DIVIDED_BY, faults.text(beside), re.MULTILINE):
             return max(max(shot.size) for shot in cameras.shots) // int(told[1])
     if not (theirs := trained_by(path)):
