@@ -271,7 +271,6 @@ def describe_views(views, photo_size, split, config):
     camtopix = np.linalg.inv(views.pixtocams)
     return {
         "source": config.source,
-        "input": config.path and faults.resolved(Path(config.path)).name,
         "poses": config.poses,
         "width": views.width,
         "height": views.height,

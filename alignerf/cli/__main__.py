@@ -25,6 +25,7 @@ def main(argv=None):
     args = parse(argv)
     example = (command.format("my_photos") for command in configs.PHOTOS)
     configs.needed(args.folder, "FOLDER", *example)
+    configs.remember("photos", args)
     folder = typed.meant(args.folder, "photos")
     scenes = folders.scenes_of(folder)
     name = args.name or folders.name_of(folder)

@@ -43,6 +43,8 @@ HEAD = """\
 ADJUSTED = "adjusted/report.json"
 # How a folder of photos is given: by make, and to the installed command.
 PHOTOS = ("make photos FOLDER={}", "why-blurry photos {}")
+# What make has as variables.
+PATHS = ("folder", "photos", "renders", "splat", "cameras", "depth")
 # What is typed of make, besides options.
 USAGE = {
     "demo": "make run [CORES=2] [VERBOSE=1]",
@@ -130,6 +132,26 @@ def needed(value, what, make, installed):
     """ValueError where a value is missing, with the whole command as it is typed."""
     if not value:
         raise ValueError(f"{what} is missing: {provenance.typed(make, installed)}")
+
+
+def remember(command, args):
+    """Keep a command, as argparse has read it, for the foot of the page that it makes.
+
+    Of a path from the root the last name alone: the page is sent to others.
+    """
+    given, options = {}, []
+    for key, value in vars(args).items():
+        if key == "cores" or value in (None, "", False):
+            continue
+        path, option = str(value), f"--{key.replace('_', '-')}"
+        if key in PATHS:
+            given[key.upper()] = Path(path).name if os.path.isabs(path) else path
+        elif key == "held_out":
+            options.append(f"{option} every={value}")
+        else:
+            options.append(option if value is True else f"{option} {shlex.quote(path)}")
+    said = provenance.as_command(command, given, " ".join(options))
+    os.environ[provenance.COMMAND] = faults.one_line(said)
 
 
 def of_photos(args):

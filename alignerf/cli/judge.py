@@ -67,6 +67,7 @@ def main(argv=None):
             f"why-blurry judge --photos photos --{what} {EXAMPLE[what]} "
             "--cameras sparse/0",
         )
+    configs.remember("judge", args)
     for key in ("photos", "renders", "splat", "cameras", "depth"):
         if path := getattr(args, key):
             setattr(args, key, str(typed.judged(key.upper(), path)))

@@ -34,6 +34,8 @@ ENVIRONMENT = (
 )
 # The command that exports what a run makes, for its jobs (see `export_command`).
 EXPORT = "ALIGNERF_EXPORT"
+# The command as it was typed, for the page that it makes.
+COMMAND = "ALIGNERF_COMMAND"
 # Set where a user has typed `why-blurry`, and no `make`.
 TYPED = "ALIGNERF_TYPED"
 CHANGES = ("status", "--porcelain", "--untracked-files=no")

@@ -5,6 +5,7 @@ sorted by.
 """
 
 import math
+import os
 from datetime import UTC, datetime
 from typing import NamedTuple
 
@@ -54,7 +55,7 @@ POSES = prepared.POSES | dict.fromkeys(
     ("test_views", "height", "photo_height"), json_files.NUMBER
 )
 WAY = {"way": json_files.OrNone(str), "held_out": json_files.OrNone(str)}
-POSES |= {"external_renders": json_files.OrNone(WAY), "input": json_files.OrNone(str)}
+POSES |= {"external_renders": json_files.OrNone(WAY)}
 SAID = {"said": str}
 
 
@@ -130,24 +131,19 @@ def cell(row, key, form):
 
 
 def origin(folder):
-    """(name, text) of what made the page: version, when, the command, its input.
-
-    Of the input the folder's name alone: the page is sent to others.
-    """
+    """(name, text) of what made the page: version, when, and the command as typed."""
     poses, export = prepared.read_poses(folder, POSES), provenance.export_command()
     made = datetime.fromtimestamp((folder / "verdict.json").stat().st_mtime, UTC)
-    kind = "judge" if poses.get("external_renders") else "photos"
-    command = provenance.typed(f"make {kind}", f"why-blurry {kind}")
-    if export.startswith("snakemake"):
+    command = os.environ.get(provenance.COMMAND)
+    if not command and export.startswith("snakemake"):
         command = export.replace(" export", "", 1)
-    elif poses.get("source") == "courtyard":
+    elif not command and poses.get("source") == "courtyard":
         command = provenance.typed("make run", "why-blurry demo")
     entries = {
         "why-blurry": provenance.VERSION,
         "on": f"{made:%Y-%m-%d %H:%M} UTC",
         "scene": faults.resolved(folder).name,
         "command": command,
-        "input": poses.get("input"),
     }
     return [(name, text) for name, text in entries.items() if text]
 

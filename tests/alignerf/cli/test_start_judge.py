@@ -7,10 +7,10 @@ import numpy as np
 import pytest
 import yaml
 
-from alignerf.cli import judge, light
+from alignerf.cli import configs, judge, light
 from alignerf.experiment import check, plan, targets
 from alignerf.experiment.checks import scenes as of_scenes
-from alignerf.io import owned
+from alignerf.io import owned, provenance
 from alignerf.judged import camera_files, originals, views
 from tests import judged_cases as cases
 from tests import step_cases
@@ -378,3 +378,22 @@ def test_held_out_views_that_a_users_config_has_otherwise_are_refused(here, runs
     path.write_text(path.read_text() + "seed: 3\n")
     with pytest.raises(ValueError, match=r"--held-out: you edited results/mine\.yaml"):
         judge.main([*options(name="mine"), "--held-out=every=4"])
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        (
+            ["--photos=a b", "--splat=x.ply", "--held-out=every=8"],
+            "make judge PHOTOS='a b' SPLAT=x.ply OPTIONS=\"--held-out every=8\"",
+        ),
+        (["--photos=/home/me/a", "--renders=r"], "make judge PHOTOS=a RENDERS=r"),
+    ],
+)
+def test_the_command_is_kept_as_it_was_typed_without_a_user_s_folders(
+    monkeypatch, words, said
+):
+    monkeypatch.setenv(provenance.COMMAND, "")
+    monkeypatch.delenv(provenance.TYPED, raising=False)
+    configs.remember("judge", judge.parse(words))
+    assert os.environ[provenance.COMMAND] == said
