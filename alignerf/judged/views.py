@@ -256,7 +256,7 @@ def load(config, scratch):
     renders_of = [pair.render.path for pair in judged.pairs]
     told["transparent"] = any(map(photos.may_be_transparent, renders_of))
     own = Path(keys.renders).with_name(splats.TOLD)
-    known_px = splats.trained_px(Path(keys.renders, splats.TOLD))
+    known_px = splats.trained_px(Path(keys.renders, splats.TOLD), judged.cameras)
     if told.setdefault("of_splat", own.is_file()):
         known_px = json_files.read(own).get("trained_px")
     # Renders that are larger lack detail.
