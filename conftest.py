@@ -47,6 +47,7 @@ import pytest
 import yaml
 
 from alignerf.courtyard import scene as courtyard
+from alignerf.kernels import calls
 from tests import forks, ratchet
 
 # One device in this process, whatever stage it calls first (see processes/devices.py).
@@ -179,6 +180,19 @@ def peer():
     from tools.bench import multinerf
 
     return multinerf.load(path)
+
+
+@pytest.fixture
+def both_ways(monkeypatch):
+    """(function, *arrays) -> what it gives by code for a CPU, and for accelerators."""
+
+    def run(function, *given):
+        for cpu in (True, False):
+            monkeypatch.setattr(calls, "on_cpu", lambda cpu=cpu: cpu)
+            # What is traced is kept by the function: a new one.
+            yield jax.jit(lambda *arrays: function(*arrays))(*given)
+
+    return run
 
 
 @pytest.fixture

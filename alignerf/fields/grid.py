@@ -126,28 +126,36 @@ def _look_up_forward(table, points, levels, moving):
 
 
 def _look_up_backward(levels, moving, residuals, found_grad):
-    # One buffer takes every corner's updates in place. Autodiff would write a zero
-    # table for each corner and their sum; an unrolled loop would compute the rows
-    # inside the scatter, one by one: both are four times slower on a CPU. All corners'
-    # rows made before the loop leave its caches: a third slower.
     points, table = residuals
     shape = table.shape if moving else table
     cells = cells_of(points, levels)
 
-    def add(grads, ends):
-        grad, of_points = grads
+    def of_corner(ends):
         row, weight = corner_of(cells, ends, levels)
-        update = (weight[..., None] * found_grad).reshape(-1, shape[1])
-        grad = grad.at[row.reshape(-1)].add(update, mode="promise_in_bounds")
-        if moving:
-            value = table.at[row].get(mode="promise_in_bounds")
-            along = jnp.sum(value * found_grad, axis=-1)
-            slopes = slopes_of(cells, ends, levels)
-            of_points = of_points + jnp.sum(slopes * along[None], axis=1)
-        return (grad, of_points), None
+        update = weight[..., None] * found_grad
+        if not moving:
+            return row, update, None
+        value = table.at[row].get(mode="promise_in_bounds")
+        along = jnp.sum(value * found_grad, axis=-1)
+        return row, update, jnp.sum(slopes_of(cells, ends, levels) * along[None], 1)
 
-    still = jnp.zeros(shape, found_grad.dtype)
-    grads, _ = jax.lax.scan(add, (still, 0.0 * points if moving else None), CORNERS)
+    def add(grads, row, update, slope):
+        grad, of_points = grads
+        update = update.reshape(-1, shape[1])
+        grad = grad.at[row.reshape(-1)].add(update, mode="promise_in_bounds")
+        return grad, of_points + slope if moving else None
+
+    start = jnp.zeros(shape, found_grad.dtype), 0.0 * points if moving else None
+    if not calls.on_cpu():
+        row, update, slope = jax.vmap(of_corner)(CORNERS)
+        return add(start, row, update, jnp.sum(slope, axis=0) if moving else None)
+    # One buffer takes every corner's updates in place. Autodiff would write a zero
+    # table for each corner and their sum; an unrolled loop would compute the rows
+    # inside the scatter, one by one: both are four times slower on a CPU. All corners'
+    # rows made before the loop leave its caches: a third slower.
+    grads, _ = jax.lax.scan(
+        lambda grads, ends: (add(grads, *of_corner(ends)), None), start, CORNERS
+    )
     return grads
 
 

@@ -14,6 +14,14 @@ from alignerf.kernels import build
 NAMES = ("lookup", "lookup_gradient", "resample", "interlevel", "adam")
 
 
+def on_cpu() -> bool:
+    """Whether JAX computes on a CPU, whose caches some loops are written for.
+
+    An accelerator takes each of these as one operation over all at once.
+    """
+    return jax.default_backend() == "cpu"
+
+
 def use(choice) -> bool:
     """Whether the kernels are used, of a `training.kernels`; they are loaded then.
 
@@ -22,8 +30,9 @@ def use(choice) -> bool:
     """
     if choice == "jax":
         return False
-    if (platform := jax.default_backend()) != "cpu":
+    if not on_cpu():
         if choice == "native":
+            platform = jax.default_backend()
             raise ValueError(
                 f"config: training.kernels: native is for a CPU: {platform}"
             )
@@ -107,9 +116,8 @@ look_up.defvjp(_look_up_forward, _look_up_backward)
 def resample(t, w, jitter, anneal, count, *, dilation=None):
     """Edges [rays, count + 1] drawn from w^anneal [rays, bins], dilated before.
 
-    t [rays, bins + 1]; jitter [rays] or None. No gradient passes.
+    t [rays, bins + 1]; jitter [rays] or None. It has no gradient.
     """
-    t, w = jax.lax.stop_gradient((t, w))
     return call(
         "resample",
         floats(len(t), count + 1),

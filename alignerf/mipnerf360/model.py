@@ -89,9 +89,8 @@ class Model(nn.Module):
             resample = calls.resample if self.native else stepfun.resample
             # Where to look is learnt by the proposal's own loss alone; a gradient
             # through the positions is noisy and costs a third of the step.
-            sdist = jax.lax.stop_gradient(
-                resample(sdist, weights, moved, anneal, count, dilation=wide)
-            )
+            known = jax.lax.stop_gradient((sdist, weights))
+            sdist = resample(*known, moved, anneal, count, dilation=wide)
             tdist = coord.s_to_t(sdist, near, far)
             gaussians = render.cast_cones(tdist, *cones)
             if last:

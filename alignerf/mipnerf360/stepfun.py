@@ -12,12 +12,15 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, Int
 
+from alignerf.kernels import calls
+
 Scalar = float | Float[Array, ""]
 EPS = jnp.finfo(jnp.float32).eps
 
-
-# Edges up to which comparing with each in turn beats bisection, and its compile time.
+# Edges up to which comparing with each beats bisection, on a CPU by its compile time
+# too: there one after the other, elsewhere all at once.
 FEW_EDGES = 160
+FEW_EDGES_AT_ONCE = 512
 
 
 def count_below(
@@ -26,11 +29,14 @@ def count_below(
     """How many t, non-decreasing, are below each x (or equal to it).
 
     One edge after the other against all x: four times as fast as bisection at 33 to 65
-    edges on a CPU, since nothing is gathered.
+    edges on a CPU, since nothing is gathered. An accelerator compiles each of them by
+    itself, and counts all in one reduction.
     """
-    if t.shape[-1] > FEW_EDGES:
+    if t.shape[-1] > (FEW_EDGES if calls.on_cpu() else FEW_EDGES_AT_ONCE):
         return bisect(t, x, or_equal=or_equal)
     below = jnp.less_equal if or_equal else jnp.less
+    if not calls.on_cpu():
+        return jnp.sum(below(t[..., None, :], x[..., None]), axis=-1, dtype=jnp.int32)
     count = jnp.zeros(jnp.broadcast_shapes(t[..., :1].shape, x.shape), jnp.int32)
     for edge in range(t.shape[-1]):
         count = count + below(t[..., edge, None], x).astype(jnp.int32)
@@ -65,11 +71,7 @@ def max_dilate(
     p = jnp.where(width > EPS**2, w / jnp.maximum(width, EPS**2), 0.0 * w)
     low, high = t[..., :-1] - dilation, t[..., 1:] + dilation
     t_wide = jnp.clip(merge(merge(low, high), t)[..., 1:-1], 0.0, 1.0)
-    start, most = t_wide[..., :-1], jnp.zeros_like(t_wide[..., :-1])
-    # One interval after the other: all of them at once are written out, and read again.
-    for k in range(p.shape[-1]):
-        covers = (low[..., k, None] <= start) & (high[..., k, None] > start)
-        most = jnp.maximum(most, jnp.where(covers, p[..., k, None], 0.0))
+    most = largest_at(t_wide[..., :-1], low, high, p)
     width = t_wide[..., 1:] - t_wide[..., :-1]
     mass = most * width
     total = jnp.sum(mass, axis=-1, keepdims=True)
@@ -78,13 +80,39 @@ def max_dilate(
     return t_wide, jnp.where(empty, uniform, mass / jnp.where(empty, 1.0, total))
 
 
+def largest_at(
+    t: Float[Array, "*batch n"],
+    low: Float[Array, "*batch bins"],
+    high: Float[Array, "*batch bins"],
+    p: Float[Array, "*batch bins"],
+) -> Float[Array, "*batch n"]:
+    """The largest p >= 0 of the intervals [low, high) that each t is in; else 0."""
+
+    def of(low, high, p, t):
+        return jnp.where((low <= t) & (high > t), p, 0.0)
+
+    if not calls.on_cpu():
+        every = (x[..., None, :] for x in (low, high, p))
+        most = jnp.max(of(*every, t[..., None]), axis=-1)
+        # The maximum of many may pass over a NaN; a sum does not.
+        total = jnp.sum(p, axis=-1, keepdims=True)
+        return jnp.where(jnp.isnan(total), total, most)
+    # One interval after the other: all of them at once are written out, and read again.
+    most = jnp.zeros_like(t)
+    for k in range(p.shape[-1]):
+        most = jnp.maximum(most, of(*(x[..., k, None] for x in (low, high, p)), t))
+    return most
+
+
 def merge(
     a: Float[Array, "*batch n"], b: Float[Array, "*batch m"]
 ) -> Float[Array, "*batch n+m"]:
-    """All values of two non-decreasing arrays, sorted: each goes to its rank.
+    """All values of two non-decreasing arrays, sorted: on a CPU each goes to its rank.
 
-    A sort of both together is several times slower in XLA on a CPU.
+    A sort of both together is several times slower in XLA there.
     """
+    if not calls.on_cpu():
+        return jnp.sort(jnp.concatenate([a, b], axis=-1), axis=-1)
     rank_a = jnp.broadcast_to(jnp.arange(a.shape[-1]), a.shape) + count_below(b, a)
     rank_b = jnp.broadcast_to(jnp.arange(b.shape[-1]), b.shape)
     rank_b = rank_b + count_below(a, b, or_equal=True)

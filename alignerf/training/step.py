@@ -318,7 +318,12 @@ def make_learn(terms, optimizer_of, gradient_norm, no_networks, micro_batches, m
             return State(state.step + 1, params, adam)
 
         finite = jnp.isfinite(loss) & (nonfinite == 0)
-        state = jax.lax.cond(finite, update, lambda state: state, state)
+        if calls.on_cpu():
+            state = jax.lax.cond(finite, update, lambda state: state, state)
+        else:
+            # A condition is read on the host: the device would wait for it.
+            choose = functools.partial(jnp.where, finite)
+            state = jax.tree.map(choose, update(state), state)
         psnr_db = mse_to_psnr(shown.pop("mse"))
         return state, {
             "loss": loss,
@@ -346,6 +351,8 @@ def count_nonfinite_squares(tree):
     def count():
         return sum(jnp.sum(~jnp.isfinite(leaf**2)) for leaf in leaves)
 
+    if not calls.on_cpu():
+        return count()
     # A finite sum has no such entry, and is a fifth of the work of counting them.
     total = sum(jnp.sum(leaf**2) for leaf in leaves)
     return jax.lax.cond(jnp.isfinite(total), lambda: jnp.int32(0), count)

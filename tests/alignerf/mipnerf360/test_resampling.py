@@ -100,3 +100,53 @@ def test_dilation_conserves_the_mass(rng):
     t_wide, w_wide = dilate(t, w)
     assert np.all(np.diff(t_wide) >= 0)
     twins.assert_close(jnp.sum(w_wide, axis=-1), 1.0)
+
+
+def rays(rng, bins):
+    """Edges, masses: drawn, on a grid, at one place; of none, one, tiny, huge, NaN."""
+    drawn = np.sort(rng.uniform(size=(4, bins + 1)), axis=-1)
+    met = np.round(4 * drawn[:1]) / 4
+    edges = np.concatenate([drawn, met, np.full((1, bins + 1), 0.25)])
+    masses = 10 ** rng.uniform(-3, 0, (8, bins))
+    masses[1], masses[2], masses[3] = 0.0, np.eye(bins)[bins // 2], 1e-38
+    masses[4] *= 1e30
+    masses[5, bins // 2] = np.nan
+    t = np.repeat(edges, 8, axis=0)
+    return twins.f32(t, np.tile(masses, (6, 1)))
+
+
+@pytest.mark.parametrize("bins", [1, 7, 64])
+def test_an_accelerator_finds_what_a_cpu_does(rng, bins, both_ways):
+    """Also with more edges than a CPU compares with one by one."""
+    t, w = rays(rng, bins)
+    even = jnp.broadcast_to(jnp.linspace(0, 1, 9), (len(t), 9))
+    weights = jnp.asarray(rng.normal(size=(4, 3 * bins - 2)), jnp.float32)
+
+    def every(t, w, x):
+        dilate = functools.partial(stepfun.max_dilate, dilation=0.02)
+        loss, of_loss = jax.vjp(
+            lambda w: stepfun.interlevel_loss(x, jnp.diff(x), t, w), w
+        )
+        # Of equal masses a maximum has no one gradient: of those drawn.
+        _, of_drawn = jax.vjp(lambda w: dilate(t[:32:8], w)[1], w[:32:8])
+        return (
+            *(stepfun.count_below(t, x, or_equal=equal) for equal in (False, True)),
+            stepfun.merge(t, x),
+            *dilate(t, w),
+            stepfun.resample(t, w, None, 0.5, 16, dilation=0.02),
+            *(loss, of_loss(jnp.ones(len(t))), of_drawn(weights)),
+        )
+
+    for values in zip(*map(jax.tree.leaves, both_ways(every, t, w, even)), strict=True):
+        np.testing.assert_allclose(*values, rtol=1e-4, atol=1e-5)
+
+
+def test_a_nan_among_the_edges_spoils_its_ray_alone_on_an_accelerator(rng, both_ways):
+    t = rays(rng, 7)[0][::8][:3].at[1, 3].set(jnp.nan)
+    _, found = both_ways(
+        lambda t, w: stepfun.resample(t, w, None, 0.7, 5, dilation=0.01),
+        t,
+        jnp.ones((3, 7)) / 7,
+    )
+    np.testing.assert_array_equal(np.isnan(found).all(axis=-1), [False, True, False])
+    assert np.isfinite(found[jnp.array([0, 2])]).all()

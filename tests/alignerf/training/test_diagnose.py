@@ -2,12 +2,14 @@
 
 import functools
 import itertools
+import re
 
 import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
 
+from alignerf.kernels import calls
 from alignerf.training import diagnose
 from alignerf.training import step as train_step
 from tests import job_cases
@@ -89,6 +91,21 @@ def test_a_poisoned_camera_stops_every_method_and_is_named(trained, views):
     state, stats = step(state, views)
     assert stats["nonfinite_gradients"] == 0
     assert state.step == 1
+
+
+def test_an_accelerator_waits_for_no_condition(monkeypatch, views):
+    """And the state of a failing step is still there."""
+    monkeypatch.setattr(calls, "on_cpu", lambda: False)
+    state, step = cases.start(poisonable(cases.baseline(), []))
+    program = step.func.lower(state, views, **step.keywords).as_text()
+    assert not re.search(r"stablehlo\.(case|if)\b", program)
+    fresh = copied(state)
+    bad = views._replace(camtoworlds=views.camtoworlds.at[1, 0, 3].set(jnp.nan))
+    for chosen, steps in ((bad, 0), (views, 1)):
+        state, _ = step(state, chosen)
+        assert state.step == steps
+        same = jax.tree.map(np.array_equal, fresh, state)
+        assert all(jax.tree.leaves(same)) == (steps == 0)
 
 
 def test_a_poisoned_gradient_is_named_with_its_term_and_network(trained, views):
