@@ -43,7 +43,7 @@ def levels_of(
 def product(module, name, width, x):
     """A layer without biases."""
     kernel = module.param(name, shading.KERNEL_INIT, (width, len(x)))
-    return kernel.astype(module.precision) @ x.astype(module.precision)
+    return shading.product(kernel, x, module.precision)
 
 
 class Box(nn.Module):
@@ -82,7 +82,7 @@ class Box(nn.Module):
         how = {"moving": self.moving, "native": self.native}
         x = grid.features_of(table, at.T, whole, levels, **how)
         x = nn.relu(product(self, "density_0", self.width, x))
-        x = product(self, "density_1", MIN_OUTPUTS, x).astype(jnp.float32)
+        x = product(self, "density_1", MIN_OUTPUTS, x)
         density = jnp.exp(jnp.minimum(x[0], MAX_LOG_DENSITY)) * inside
         density = density.reshape(batch)
         if viewdirs is None:
@@ -92,5 +92,5 @@ class Box(nn.Module):
         x = jnp.concatenate([x, seen])
         for layer in range(2):
             x = nn.relu(product(self, f"colour_{layer}", self.width, x))
-        colours = product(self, "colour_2", MIN_OUTPUTS, x)[:3].astype(jnp.float32)
+        colours = product(self, "colour_2", MIN_OUTPUTS, x)[:3]
         return density, jax.nn.sigmoid(colours).reshape(3, *batch)

@@ -53,7 +53,7 @@ class Nerf(nn.Module):
             if last:
                 raw, outputs = outputs[:1], outputs[1:]
             x = (nn.relu(outputs),)
-        density = jax.nn.softplus(raw.astype(jnp.float32)).reshape(batch)
+        density = jax.nn.softplus(raw).reshape(batch)
         if viewdirs is None:
             return density, None
         head = shading.Shading(

@@ -5,9 +5,13 @@ elementwise loop runs over points and vectorises whatever the number of channels
 [rays, 3] unit view directions.
 """
 
+import itertools
+
 import flax.linen as nn
 import jax
 import jax.numpy as jnp
+
+from alignerf.kernels import calls
 
 # Keeps colours off the sigmoid's flat ends, where gradients vanish.
 PADDING = 0.001
@@ -16,14 +20,44 @@ DENSITY_BIAS = -1.0
 KERNEL_INIT = nn.initializers.he_uniform(in_axis=-1, out_axis=-2)
 
 
+def product(kernel, x, precision):
+    """kernel @ x in float32; `bfloat16` rounds both, and their gradients' factors.
+
+    Sums are float32 in any case, as a TPU multiplies by default.
+    """
+    if precision == "float32":
+        return kernel @ x
+    return rounded_product(kernel, x.astype(precision))
+
+
+@jax.custom_vjp
+def rounded_product(kernel, x):
+    """kernel @ x in float32, of factors rounded to bfloat16, as x is."""
+    factors = kernel.astype(x.dtype), x
+    return jnp.matmul(*factors, preferred_element_type=jnp.float32)
+
+
+def _rounded_product_backward(factors, grad):
+    kernel, x = factors
+    grad = grad.astype(x.dtype)
+    of_x = rounded_product(kernel.T, grad).astype(x.dtype)
+    return rounded_product(grad, x.T), of_x
+
+
+rounded_product.defvjp(
+    lambda kernel, x: (rounded_product(kernel, x), (kernel, x)),
+    _rounded_product_backward,
+)
+
+
 class Dense(nn.Module):
-    """W x + b, with x the inputs' channels one after the other.
+    """W x + b in float32, with x the inputs' channels one after the other.
 
     Inputs are [channels, points], or [channels, rays] where all samples of a ray
-    share them: each has its own product, so that nothing is concatenated and what
-    is shared is multiplied once a ray. `precision` is that of the products;
-    parameters stay float32, since Adam's steps are often below bfloat16's last
-    digit.
+    share them: what is shared is multiplied once a ray. On a CPU each input has its own
+    product, so that nothing is concatenated; elsewhere a product costs a pass over all
+    outputs. `precision` is that of the products; parameters stay float32, since Adam's
+    steps are often below bfloat16's last digit.
     """
 
     width: int
@@ -31,25 +65,24 @@ class Dense(nn.Module):
 
     @nn.compact
     def __call__(self, *inputs):
+        if not calls.on_cpu():
+            alike = itertools.groupby(inputs, lambda x: x.shape[1])
+            inputs = [jnp.concatenate(list(every)) for _, every in alike]
         channels = [len(x) for x in inputs]
         points = max(x.shape[1] for x in inputs)
         kernel = self.param("kernel", KERNEL_INIT, (self.width, sum(channels)))
         bias = self.param("bias", nn.initializers.zeros, (self.width,))
-        total, start = bias.astype(self.precision)[:, None], 0
+        total, start = bias[:, None], 0
         for x, count in zip(inputs, channels, strict=True):
-            part = kernel[:, start : start + count].astype(self.precision)
-            product = part @ x.astype(self.precision)
-            total = total + jnp.repeat(product, points // x.shape[1], axis=1)
+            part = product(kernel[:, start : start + count], x, self.precision)
+            total = total + jnp.repeat(part, points // x.shape[1], axis=1)
             start += count
         return total
 
 
 def density_of(raw):
-    """softplus(x - 1): starts thin, so that gradients reach all of the ray.
-
-    In float32 whatever the products' precision: weights are sums along the ray.
-    """
-    return jax.nn.softplus(raw.astype(jnp.float32) + DENSITY_BIAS)
+    """softplus(x - 1): starts thin, so that gradients reach all of the ray."""
+    return jax.nn.softplus(raw + DENSITY_BIAS)
 
 
 def encode_direction(v, degrees, fineness=None):
@@ -83,7 +116,6 @@ class Shading(nn.Module):
         for width in self.widths:
             x = (nn.relu(Dense(width, self.precision)(*x)),)
         raw = Dense(self.outputs, self.precision, name="values")(*x)
-        raw = raw.astype(jnp.float32)
         return jax.nn.sigmoid(raw) * (1 + 2 * PADDING) - PADDING
 
 

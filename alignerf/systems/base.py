@@ -9,8 +9,8 @@ from alignerf.experiment.keys.training import Changes
 
 PRECISIONS = Literal["float32", "bfloat16"]
 PRECISION = (
-    "of the layers and what passes between them; positions, encodings, densities, "
-    "colors, parameters and all sums along a ray are float32"
+    "of the factors of the layers' products; their sums and all else are float32. "
+    "bfloat16, as a TPU multiplies by default, is for accelerators"
 )
 NEAR = "nearest distance, in units of the largest camera coordinate"
 SPACING = (

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from alignerf import fields
-from alignerf.fields import grid, nerf
+from alignerf.fields import grid, nerf, shading
 from alignerf.mipnerf360 import coord, model
 from alignerf.scenes import cameras
 from tests import twins
@@ -128,6 +128,64 @@ def test_look_ups_gradient_is_its_transpose(rng, levels):
     left = jnp.vdot(grid.look_up(jnp.asarray(other), points, levels), cotangent)
     right = jnp.vdot(jnp.asarray(other), pull(cotangent)[0])
     assert float(left) == pytest.approx(float(right), rel=1e-3, abs=1e-3)
+
+
+@pytest.mark.parametrize("moving", [False, True])
+def test_an_accelerator_adds_up_the_gradient_of_a_grid(rng, levels, moving, both_ways):
+    """In one scatter; all corners of points at one place are the same rows."""
+    points = rng.random((3, 40))
+    points[:, :9], points[:, 9] = 0.5, 1.0
+    table = rng.normal(size=(sum(levels.entries), 2))
+    weights = rng.normal(size=(len(levels.entries), 40, 2)) * 10 ** rng.uniform(-20, 20)
+
+    def pull(table, points, weights):
+        look_up = lambda *given: grid.look_up(*given, levels, moving)  # noqa: E731
+        return jax.vjp(look_up, table, points)[1](weights)
+
+    found = both_ways(pull, *twins.f32(table, points, weights))
+    for wanted, grad in zip(*found, strict=True):
+        twins.assert_close(grad, wanted, scale=np.abs(wanted).max())
+
+
+class OneLayer(shading.nn.Module):
+    """A layer on what points have, and on what their rays do."""
+
+    precision: str
+
+    @shading.nn.compact
+    def __call__(self, *inputs):
+        return shading.Dense(5, self.precision)(*inputs)
+
+
+@pytest.mark.parametrize("precision", ["float32", "bfloat16"])
+@pytest.mark.parametrize("order", [(0, 1, 2), (2, 0, 1), (0, 2, 1), (1,)])
+def test_a_layer_has_one_product_or_several(rng, precision, order, both_ways):
+    inputs = [rng.normal(size=shape) for shape in [(4, 6), (3, 6), (2, 2)]]
+    inputs = twins.f32(*(inputs[which] for which in order))
+    layer = OneLayer(precision)
+    kernel = rng.normal(size=(5, sum(map(len, inputs))))
+    params = dict(zip(["kernel", "bias"], twins.f32(kernel, np.ones(5)), strict=True))
+    weights = twins.f32(rng.normal(size=(5, 6)))[0]
+
+    def pull(params, *inputs):
+        given = {"params": {"Dense_0": params}}
+        value, back = jax.vjp(lambda p, *x: layer.apply(p, *x), given, *inputs)
+        return value, back(weights)
+
+    found = map(jax.tree.leaves, both_ways(pull, params, *inputs))
+    for several, one in zip(*found, strict=True):
+        assert one.dtype == several.dtype == jnp.float32
+        twins.assert_close(one, several, scale=np.abs(several).max())
+
+
+def test_gradients_by_bfloat16_are_summed_in_float32():
+    """257 has no bfloat16: neither has the sum of so many points, or channels."""
+    kernel, x = jnp.ones((257, 1)), jnp.ones((1, 257))
+    layer = lambda kernel, x: shading.product(kernel, x, "bfloat16")  # noqa: E731
+    value, back = jax.vjp(layer, kernel, x)
+    assert value.dtype == jnp.float32
+    np.testing.assert_array_equal(back(jnp.ones((257, 257)))[0], 257.0)
+    np.testing.assert_array_equal(layer(x, kernel), 257.0)
 
 
 @pytest.mark.parametrize("kind", ["grid", "mlp"])

@@ -97,7 +97,8 @@ def test_an_accelerator_waits_for_no_condition(monkeypatch, views):
     """And the state of a failing step is still there."""
     monkeypatch.setattr(calls, "on_cpu", lambda: False)
     state, step = cases.start(poisonable(cases.baseline(), []))
-    program = step.func.lower(state, views, **step.keywords).as_text()
+    drawn = step.func.draw(views, state.step, **step.keywords)
+    program = step.func.learn.lower(state, *drawn, **step.keywords).as_text()
     assert not re.search(r"stablehlo\.(case|if)\b", program)
     fresh = copied(state)
     bad = views._replace(camtoworlds=views.camtoworlds.at[1, 0, 3].set(jnp.nan))
