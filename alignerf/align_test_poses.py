@@ -25,7 +25,7 @@ import numpy as np
 from scipy import ndimage
 
 from alignerf import testsets
-from alignerf.io import archives, atomic, faults, images, progress
+from alignerf.io import archives, atomic, faults, images, machine, progress
 from alignerf.processes import devices
 from alignerf.scenes import prepared
 from alignerf.sfm import pose_error
@@ -119,7 +119,7 @@ def main(argv=None):
         # The first one alone: it compiles.
         rows += one(todo[0])
         bar.advance()
-        for rows_of_view in devices.map_in_threads(one, todo[1:]):
+        for rows_of_view in machine.map_in_threads(one, todo[1:]):
             rows += rows_of_view
             bar.advance()
         with open(out / "poses.csv", "w", newline="", encoding="utf-8") as file:

@@ -1,8 +1,8 @@
 """Render the views of one split or of both: `python -m alignerf.render_views`.
 
-One process for all views, so that code is compiled once; on a CPU each core renders
-a view. Writes <view>.png, where asked <view>.npz with its depth, and a timing file,
-below the folders that are named, each with an entry for each split.
+One process for all views, so that code is compiled once, and a thread for each core,
+which on a CPU renders a view. Writes <view>.png, where asked <view>.npz with its depth,
+and a timing file, below the folders that are named, each with an entry for each split.
 
 depth [h, w] float32: along the optical axis (z-depth, not along the ray), in units
 of the normalized scene (max |t| = 1), where half of a ray's weight is passed: the
@@ -16,7 +16,7 @@ from pathlib import Path
 
 import numpy as np
 
-from alignerf.io import atomic, faults, images, owned, progress
+from alignerf.io import atomic, faults, images, machine, owned, progress
 from alignerf.processes import devices
 from alignerf.scenes import prepared
 from alignerf.training import renderer
@@ -77,7 +77,7 @@ def render_split(loaded: prepared.Scene, split, render, renders, depth=None):
         bar.advance()
         if len(views) > 1:
             begun = time.perf_counter()
-        for _ in devices.map_in_threads(render_view, views[1:]):
+        for _ in machine.map_in_threads(render_view, views[1:]):
             bar.advance()
         rendered = time.perf_counter()
     view_time_s = round((rendered - begun) / max(len(views) - 1, 1), 4)

@@ -33,8 +33,9 @@ def losses(method, views, *, micro_batches, used):
     return found, sorted(set(collectives)), len(copies)
 
 
-def images(method, views, used):
-    """A view by some devices: [h, w, 3], for JSON."""
+def images(method, views, used, accelerated=False):
+    """A view by some devices, as if they were accelerators: [h, w, 3], for JSON."""
+    renderer.on_accelerator = lambda: accelerated
     params = cases.varied(jax.jit(method.init)(jax.random.key(0)), 0.1)
     render = renderer.Renderer(method, 23, 18, used)
     camera = views.pixtocams[0], views.camtoworlds[0]
@@ -47,7 +48,10 @@ def main():
         name: {
             "one": losses(method, views, micro_batches=1, used=every[:1]),
             "all": losses(method, views, micro_batches=2, used=every),
-            "images": [images(method, views, used) for used in (every[:1], every)],
+            "images": [
+                images(method, views, *used)
+                for used in ((every[:1],), (every,), (every, True))
+            ],
         }
         for name, method in METHODS.items()
     }

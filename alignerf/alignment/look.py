@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 
 from alignerf.experiment import jobs
-from alignerf.processes import devices
+from alignerf.io import machine
 from alignerf.scenes import prepared
 from alignerf.training import renderer
 from flow.camera import correct
@@ -152,7 +152,7 @@ class Looker:
             photo = self.photos[i]
             return at(render, now, scene.views[i], photo, self.k, self.flow_of)
 
-        return devices.map_in_threads(one, wanted)
+        return machine.map_in_threads(one, wanted)
 
     def prepare(self, params):
         """Read the photos, and compile the renderer."""

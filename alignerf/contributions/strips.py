@@ -8,6 +8,8 @@ Notation: h, w the image's height and width, c its features; halo the pixels aro
 one that its colour depends on; strip the rows that a call colours.
 """
 
+import jax
+import jax.numpy as jnp
 import numpy as np
 
 
@@ -20,8 +22,7 @@ def colours(values, colours_of, *, width, height, strip, halo):
     [strip, w, 3], always of this one shape. Raises ValueError for an image too small
     to reflect: with halo pixels on a side, or fewer.
     """
-    if min(width, height) <= halo:
-        raise ValueError(f"an image of {width}x{height} pixels is too small to reflect")
+    check_size(width, height, halo)
     values, painted_strips = iter(values), []
     kept, first = next(values), 0
     for top in range(0, height, strip):
@@ -30,14 +31,37 @@ def colours(values, colours_of, *, width, height, strip, halo):
             (below - above) * width, kept[(above - first) * width :], values
         )
         first = above
-        rows = _reflect(np.arange(top - halo, top + strip + halo), height)
+        rows = reflected(np.arange(top - halo, top + strip + halo), height)
         # A last strip that ends early is filled up with any row.
         rows = rows.clip(min=above) - above
-        columns = _reflect(np.arange(-halo, width + halo), width)
+        columns = reflected(np.arange(-halo, width + halo), width)
         image = kept[: (below - above) * width].reshape(below - above, width, -1)
         painted = np.asarray(colours_of(image[rows[:, None], columns]))
         painted_strips.append(painted[: height - top])
     return np.concatenate(painted_strips)
+
+
+def at_once(values, colours_of, *, width, height, strip, halo):
+    """As `colours`, of all values [h w, c] in an accelerator's memory: one program.
+
+    The strips bound what the colours take besides.
+    """
+    check_size(width, height, halo)
+    image = values.reshape(height, width, -1)
+    columns = reflected(jnp.arange(-halo, width + halo), width)
+
+    def painted(top):
+        rows = reflected(top + jnp.arange(-halo, strip + halo), height)
+        return colours_of(image[rows.clip(min=0)[:, None], columns])
+
+    strips = jax.lax.map(painted, jnp.arange(0, height, strip))
+    return strips.reshape(-1, *strips.shape[2:])[:height]
+
+
+def check_size(width, height, halo):
+    """ValueError for an image too small to reflect."""
+    if min(width, height) <= halo:
+        raise ValueError(f"an image of {width}x{height} pixels is too small to reflect")
 
 
 def _at_least(count, kept, values):
@@ -48,6 +72,6 @@ def _at_least(count, kept, values):
     return np.concatenate(parts)
 
 
-def _reflect(index, size):
+def reflected(index, size):
     """Indices that mirror at 0 and at size - 1, neither of them twice."""
-    return size - 1 - np.abs(size - 1 - np.abs(index))
+    return size - 1 - abs(size - 1 - abs(index))

@@ -129,12 +129,6 @@ def share_of_memory(environ) -> float:
     return 1.0
 
 
-def map_in_threads(function, items):
-    """`machine.map_in_threads` on a CPU; an accelerator takes one at a time."""
-    on_cpu = jax.local_devices()[0].platform == "cpu"
-    return machine.map_in_threads(function, items, threads=None if on_cpu else 1)
-
-
 def everywhere(mesh):
     """The sharding of what is whole on each device of a mesh, or on the only one."""
     if mesh is None:

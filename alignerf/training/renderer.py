@@ -1,10 +1,13 @@
 """A trained method as a function from cameras to images.
 
 Features become colours strip by strip: at 2560x1680 with N = 128 a view takes 0.4 GB
-besides the model, where its features alone would take 2.2.
+besides the model, where its features alone would take 2.2. An accelerator keeps these,
+and what comes back is an image and its depth.
 """
 
+import contextlib
 import functools
+import threading
 
 import cv2
 import jax
@@ -23,6 +26,11 @@ CHUNK_RAYS = 4096
 # Of these as many at a time on a CPU, so that what they need stays in its caches: a
 # hash grid takes a quarter less time than with 128, an MLP no more.
 CACHED_RAYS = 32
+# On an accelerator so many rays are begun at once, and computed together: of 32 samples
+# of each, a layer of 1024 channels takes 2 GB.
+BEGUN_RAYS, TOGETHER_RAYS = 2**17, 2**14
+# Its views under way: one is begun before another has come back.
+VIEWS_UNDER_WAY = 2
 # Pixels whose features become colours at once, but at least a row of the image. The
 # halo's rows, convolved once more with each strip, are 8 % of these at 2560 x 1680.
 STRIP_PIXELS = 65536
@@ -52,19 +60,27 @@ class Renderer:
         """shared: devices that share a view; all accelerators, of a CPU only one."""
         memory.keep_freed()
         self.width, self.height, self.halo = width, height, method.halo
-        on_cpu = jax.local_devices()[0].platform == "cpu"
+        self.accelerated = on_accelerator()
         # On a CPU each renders a view.
-        shared = shared or jax.local_devices()[: 1 if on_cpu else None]
+        shared = shared or jax.local_devices()[: None if self.accelerated else 1]
         self.mesh = gradients.make_mesh(len(shared), shared)
         part = -(-width * height // (CACHED_RAYS * len(shared))) * CACHED_RAYS
-        part = min(CHUNK_RAYS, part)
-        self.chunk = part * len(shared)
-        self.strip = min(height, -(-STRIP_PIXELS // width))
-        at_once = CACHED_RAYS if on_cpu else part
+        most, at_once = CHUNK_RAYS, CACHED_RAYS
+        self.turn = contextlib.nullcontext()
+        if self.accelerated:
+            most, at_once = BEGUN_RAYS, min(TOGETHER_RAYS, part)
+            part = -(-part // at_once) * at_once
+            self.turn = threading.Semaphore(VIEWS_UNDER_WAY)
+        self.chunk = min(most, part) * len(shared)
+        strip = min(height, -(-STRIP_PIXELS // width))
+        self.layout = {"width": width, "height": height, "strip": strip}
+        self.layout["halo"] = self.halo
         options = method.render, at_once, self.mesh
         self._render = functools.partial(render_pixels, *options)
         self.bounds = np.asarray(method.bounds, np.float32) if method.bounds else None
         self._colours = functools.partial(clipped_colours, method.colours)
+        layout = tuple(self.layout.items())
+        self._image = functools.partial(image_of, method.colours, layout)
 
     def __call__(self, params, pixtocam, camtoworld, wanted=None):
         """(image [h, w, 3] uint8, depth [h, w] float32) as a camera sees it.
@@ -75,16 +91,39 @@ class Renderer:
         camera = [jnp.asarray(m, jnp.float32) for m in (pixtocam, camtoworld)]
         if self.mesh:
             params = devices.place(params, self.mesh)
-        depth = np.zeros(self.width * self.height, np.float32)
-        image = strips.colours(
-            self.values(params, camera, self.seen_by(wanted), depth_out=depth),
-            functools.partial(self.colours, params),
-            width=self.width,
-            height=self.height,
-            strip=self.strip,
-            halo=self.halo,
-        )
+        pixels = self.seen_by(wanted)
+        if self.accelerated:
+            with self.turn:
+                image, depth = self.on_device(params, camera, pixels)
+        else:
+            depth = np.zeros(self.width * self.height, np.float32)
+            values = self.values(params, camera, pixels, depth_out=depth)
+            colours = functools.partial(self.colours, params)
+            image = strips.colours(values, colours, **self.layout)
         return image, depth.reshape(self.height, self.width)
+
+    def on_device(self, params, camera, pixels):
+        """(image, depth [h w]): all of it is begun before any of it is waited for."""
+        held = None
+        for chunk in self.chunks(pixels):
+            rendered = self.rendered(params, camera, chunk)
+            if self.mesh:
+                rendered = jax.device_put(rendered, self.mesh.devices.flat[0])
+            if held is None:
+                count = self.width * self.height
+                held = [jnp.zeros((count, *x.shape[1:]), x.dtype) for x in rendered]
+            held = put(held, jnp.asarray(chunk), rendered)
+        values, depth = held
+        first = devices.on_first(params) if self.mesh else params
+        found = self._image(first, values), depth
+        (image, finite), depth = jax.device_get(found)
+        check_finite(finite)
+        return image, depth
+
+    def rendered(self, params, camera, pixels):
+        """(values [n, c], depth [n]) of indices of pixels, which are not waited for."""
+        y, x = np.divmod(pixels.astype(np.int32), np.int32(self.width))
+        return self._render(np.stack([x, y]), params, self.bounds, *camera)
 
     def seen_by(self, wanted):
         """Indices of the pixels on whose values the wanted pixels' colours depend."""
@@ -102,9 +141,7 @@ class Renderer:
         """
         done = 0
         for chunk in self.chunks(pixels):
-            y, x = np.divmod(chunk.astype(np.int32), np.int32(self.width))
-            at = np.stack([x, y])
-            rendered, depth = self._render(at, params, self.bounds, *camera)
+            rendered, depth = self.rendered(params, camera, chunk)
             depth_out[chunk] = depth
             end = chunk[-1] + 1
             block = np.zeros((end - done, rendered.shape[-1]), rendered.dtype)
@@ -122,9 +159,17 @@ class Renderer:
     def colours(self, params, values):
         """uint8 colours of the values of a strip, as `strips.colours` asks for them."""
         rgb = np.asarray(self._colours(params, values))
-        if not np.isfinite(rgb).all():
-            raise ValueError("the model renders colors that are not finite")
+        check_finite(np.isfinite(rgb).all())
         return np.round(rgb * 255.0).astype(np.uint8)
+
+
+def on_accelerator():
+    return jax.local_devices()[0].platform != "cpu"
+
+
+def check_finite(finite):
+    if not finite:
+        raise ValueError("the model renders colors that are not finite")
 
 
 @functools.partial(jax.jit, static_argnums=(0, 1, 2))
@@ -158,3 +203,22 @@ def render_pixels(render_rays, at_once, mesh, at, params, *view):
 def clipped_colours(colours, params, values):
     """Colours in [0, 1] of values."""
     return jnp.clip(colours(params, values), 0.0, 1.0)
+
+
+@functools.partial(jax.jit, donate_argnums=0)
+def put(held, pixels, rendered):
+    """Arrays of all pixels, with what is rendered of some."""
+    return [
+        all_.at[pixels].set(some) for all_, some in zip(held, rendered, strict=True)
+    ]
+
+
+@functools.partial(jax.jit, static_argnums=(0, 1))
+def image_of(colours, layout, params, values):
+    """(image [h, w, 3] uint8, whether all its colours are finite) of all values."""
+
+    def of(values):
+        return jnp.clip(colours(params, values), 0.0, 1.0)
+
+    rgb = strips.at_once(values, of, **dict(layout))
+    return jnp.round(rgb * 255.0).astype(jnp.uint8), jnp.isfinite(rgb).all()

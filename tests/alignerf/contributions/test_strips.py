@@ -7,6 +7,7 @@ import pytest
 from scipy import ndimage
 
 from alignerf.contributions import patch_conv, strips
+from alignerf.io import machine
 from alignerf.scenes import cameras
 from alignerf.training import renderer
 from tests import training_cases as cases
@@ -115,3 +116,34 @@ def test_a_view_is_the_same_in_strips(monkeypatch):
         np.testing.assert_allclose(other.astype(int), image, atol=1)
         assert (other != image).mean() < 0.01
         np.testing.assert_array_equal(other_depth, depth)
+
+
+@pytest.mark.parametrize("begun", [32, 96, 10**6])
+def test_a_view_of_an_accelerator_is_that_of_a_cpu(monkeypatch, begun):
+    """In threads, of whole views and of some pixels, in chunks of every size."""
+    method = cases.alignerf()
+    params = jax.jit(method.init)(jax.random.key(0))
+    pixtocam = cameras.intrinsics(20.0, 23, 18)
+    poses = np.repeat(np.eye(4, dtype=np.float32)[None, :3], 3, axis=0)
+    poses[:, 0, 3] = [0.0, 0.2, 0.4]
+    left = np.arange(23) < 9 + np.arange(18)[:, None] % 5
+    views = [(pose, wanted) for pose in poses for wanted in (None, left)]
+
+    def rendered():
+        render = renderer.make_renderer(method, params, 23, 18)
+        return list(machine.map_in_threads(lambda one: render(pixtocam, *one), views))
+
+    whole = rendered()
+    monkeypatch.setattr(renderer, "on_accelerator", lambda: True)
+    monkeypatch.setattr(renderer, "BEGUN_RAYS", begun)
+    monkeypatch.setattr(renderer, "TOGETHER_RAYS", 32)
+    monkeypatch.setattr(renderer, "STRIP_PIXELS", 5 * 23)
+    monkeypatch.delattr(renderer.Renderer, "values")
+    for (image, depth), wanted, (_, mask) in zip(rendered(), whole, views, strict=True):
+        mask = np.ones((18, 23), bool) if mask is None else mask
+        assert image.dtype == np.uint8
+        # A rounding of 1e-7 may turn a half up or down.
+        differs = image[mask].astype(int) - wanted[0][mask]
+        assert abs(differs).max() <= 1
+        assert (differs != 0).mean() < 0.01
+        np.testing.assert_array_equal(depth, wanted[1])
