@@ -17,8 +17,9 @@ from alignerf.processes import devices
 from alignerf.training import checkpoint, diagnose, memory, program
 
 # A training diverges where of so many looks at its loss, and all since the last
-# checkpoint, each is so many times that of the start: patches differ by less.
-MIN_LOOKS, WORSE = 10, 1.25
+# checkpoint, each is so many times that of the start: batches differ by less. What
+# fine-tuning starts from is trained, and new rates may cost it some decibels at first.
+MIN_LOOKS, WORSE, WORSE_TUNED = 10, 1.25, 4.0
 
 
 @dataclasses.dataclass
@@ -80,7 +81,7 @@ class Run:
         if len(self.losses) < MIN_LOOKS:
             return
         least, first = min(self.losses), self.numbers["first_loss"]
-        if least > WORSE * first:
+        if least > first * (WORSE_TUNED if self.job.stage == "finetune" else WORSE):
             raise ValueError(
                 f"training diverges before step {int(self.state.step)}: its loss, "
                 f"{first:.3g} at the start, stays above {least:.3g}; lower "
