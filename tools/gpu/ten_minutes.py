@@ -177,8 +177,9 @@ def planned(args):
                 )
                 chain.append((one.job.text, at, before if one.initial else None))
                 needs_s += 60 * one.job.budget_min
-                # Pre-training is the beginning of the plain one: the same program.
-                if seconds == lengths[0] and one.job.stage != "pretrain":
+                # Scenes and lengths share a program, and pre-training has the plain
+                # one's; what is learnt besides is each scene's own.
+                if one.job.part or (scene == SCENES[0] and one.job.stage != "pretrain"):
                     arguments = one.job.text, args.folder / scene
                     compiling[f"{scene} {name}"] = stages.compile_training, arguments
             arguments = args.out, args.folder / scene, chain, names
