@@ -8,8 +8,9 @@ it asks for, `--schema` prints the schema of `workflow/schemas/config.schema.yam
 import yaml
 from pydantic import json_schema
 
-from alignerf.experiment import check, plan
+from alignerf.experiment import check
 from alignerf.experiment.keys import config as config_keys
+from alignerf.experiment.tables import shipped
 from alignerf.io import atomic, faults, json_files, yaml_files
 
 HEAD = "# Every key of a config, made by `python -m alignerf.config --schema`.\n"
@@ -33,8 +34,8 @@ def main(argv=None):
         print(schema_text(), end="")
     if args.check:
         config = yaml_files.read(args.check)
-        config = check.checked({} if config is None else config, [args.check])
-        print(told(plan.Experiment(config)))
+        config = {"": {} if config is None else config}
+        print(told(shipped.experiments(config, [args.check]).by_name[""]))
     if args.config:
         config = json_files.of_config(args.config)
         check.checked(config)

@@ -9,7 +9,7 @@ import numpy as np
 from alignerf import fields
 from alignerf.alignment import loss
 from alignerf.contributions import aligned_loss as contribution
-from alignerf.contributions import frequency_loss
+from alignerf.contributions import patch_losses
 from alignerf.experiment import jobs
 from alignerf.methods.aligned_loss import AlignedLoss
 from alignerf.mipnerf360 import model as mipnerf360
@@ -93,26 +93,16 @@ def aligned_loss(method, learning=True, count=3, **settings):
     return loss.aligned(method, chosen, tiles, count, learning=learning)
 
 
-def alignerf(outputs=6, **options):
-    settings = {
-        "patches": 2,
-        "patch_px": 12,
-        "convolution": True,
-        "loss": make_loss(),
-        "loss_weights": WEIGHTS,
-    }
-    return methods.alignerf(tiny_model(outputs=outputs), **settings | options)
-
-
-def make_loss(**options):
-    settings = {
-        "error": "squared",
-        "radius_px": 3,
-        "align_penalty": 0.01,
-        "frequency_weight": 0.05,
-        "frequency_features": frequency_loss.bank_features,
-    }
-    return methods.Loss(**settings | options)
+def alignerf(outputs=6, patches=2, radius_px=3, convolution=True, **options):
+    """Its patches, and `patch_losses.Losses` with other options."""
+    settings = {"error": "squared", "align_penalty": 0.01, "frequency_weight": 0.05}
+    return methods.alignerf(
+        tiny_model(outputs=outputs),
+        drawn=batches.Patches(patches, 12, radius_px),
+        convolution=convolution,
+        losses_of=patch_losses.Losses(**settings | options),
+        loss_weights=WEIGHTS,
+    )
 
 
 def make_views(count=3, height=HEIGHT, width=WIDTH, valid_fraction=0.7):

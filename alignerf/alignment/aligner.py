@@ -48,7 +48,7 @@ class Aligner:
         self.job, self.scene, self.folder = job, scene, folder
         self.settings = job.aligns
         few = look.with_fewer_samples(job)
-        self.method = method or compose.without_cameras(few, to_train=False)
+        self.method = method or compose.without_cameras(few)
         self.size = scene.loaded.height, scene.loaded.width
         min_px = estimators.METHODS[job.aligns.estimator].min_side_px
         self.looks = not job.learns or job.learns.min_move_px is not None

@@ -5,14 +5,16 @@ that the flow of round k - 1 warped, or with cameras that this flow corrected.
 """
 
 import functools
+import importlib
 import itertools
 import json
 import re
 
 from alignerf import methods
 from alignerf.captures import base
-from alignerf.experiment import layout, trainings
+from alignerf.experiment import jobs, layout, trainings
 from alignerf.io import json_files
+from alignerf.io.environment import extensions
 
 
 def kept(method):
@@ -335,6 +337,28 @@ def check_lengths(experiment):
         base = experiment.baseline(name)
         if not all(experiment.is_scored(one, base) for one in at):
             raise ValueError(f"{where}: {base}, its baseline, lacks some of them")
+
+
+# Parts whose losses the tests of the program trace.
+OF_PROGRAM = ("alignerf.alignment.", "alignerf.contributions.")
+
+
+def check_losses(experiment):
+    """Raise ValueError where a part of one's own fails, as by a wrong shape.
+
+    Before anything runs, and by shapes alone.
+    """
+    scene = next(iter(experiment.scenes))
+    for name in experiment.names("ours"):
+        for one in experiment.rounds_of(scene, name):
+            if one.job.part and not one.job.part.startswith(OF_PROGRAM):
+                values = one.job.model_dump() | {"decisions": None}
+                # A plan of other methods waits for no JAX.
+                compose = importlib.import_module("alignerf.training.compose")
+                job = jobs.parse(values)
+                _, reason = extensions.tried(compose.trace, job)
+                if reason:
+                    raise ValueError(f"config: methods.{name}: its loss: {reason}")
 
 
 def one_of(names):

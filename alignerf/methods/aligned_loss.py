@@ -62,7 +62,6 @@ class Aligned(base.Method):
     key, Keys, order = "aligned_loss", AlignedLoss, 3
     what = "one training with AligNeRF's alignment-aware loss, in any model"
     beside = (*base.Method.beside, "adjust")
-    in_crops = True
     jobs = (Job,)
 
     def words(self, experiment, name):

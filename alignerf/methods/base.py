@@ -1,5 +1,6 @@
 """What a method's record has: defaults of all that the program asks of a method."""
 
+import functools
 import importlib
 import shutil
 from typing import Literal
@@ -64,8 +65,6 @@ class Method:
     from_scratch = False
     # Whether it aligns itself while it trains, which the verdict then judges.
     in_loop = False
-    # Whether its crops are shown beside its baseline's.
-    in_crops = False
 
     @property
     def example(self):
@@ -143,7 +142,17 @@ class Method:
 
 
 class Part:
-    """What a job adds to a training; this adds nothing."""
+    """What a job adds to a training; this adds nothing.
+
+    data_loss: (rendering, photo [n, 3], weight [n]) -> mean over n rays drawn one by
+    one, as those of `rays.rendering`; None: the system's own. patches: keys as of
+    `staged.Finetuning`, of rays that are drawn by patches instead; patch_losses, of
+    these: (rgb [n, p, p, 3], photo [n, q, q, 3], exists [n, q, q]) -> ({term: mean},
+    {number to show, as mse: mean}); photo lies around the patch, q = p + 2 radius_px,
+    and exists is zero where it does not count.
+    """
+
+    data_loss = patches = patch_losses = None
 
     def __init__(self, job):
         self.job = job
@@ -171,8 +180,9 @@ class Part:
         shutil.copyfile(cameras, folder / "cameras.npz")
 
 
+@functools.cache
 def part_of(job) -> Part:
-    """The part of a job, imported by its name.
+    """The part of a job, imported by its name; one of equal jobs, as losses are.
 
     `experiment.sources` follows the import statements of a file, and a change of the
     flow package must not rerun the trainings that align nothing.

@@ -3,7 +3,7 @@
 Methods of a model share the pre-training. Between the stages cameras may be corrected.
 """
 
-from typing import Literal
+from typing import ClassVar, Literal
 
 from alignerf import methods
 from alignerf.experiment import jobs, trainings
@@ -76,6 +76,7 @@ class Pretrain(jobs.Job):
 class Finetune(jobs.Job):
     """The second stage, on patches."""
 
+    part: ClassVar = "alignerf.contributions.patch_losses:Part"
     stage: Literal["finetune"] = key("finetune")
     alignerf: Finetuning = key()
 
@@ -107,7 +108,6 @@ class Staged(base.Method):
     what = "staged training with the three contributions"
     beside = (*base.Method.beside, "changes", "adjust")
     systems = ("mipnerf360",)
-    in_crops = True
     jobs = (Pretrain, Finetune)
 
     def check(self, config, name):

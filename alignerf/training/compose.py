@@ -1,36 +1,35 @@
 """The method that a job names, composed of its model, its field and its losses."""
 
+import jax
+
 from alignerf import rays
-from alignerf.contributions import frequency_loss
 from alignerf.experiment import jobs
 from alignerf.kernels import calls
-from alignerf.methods import base, staged
+from alignerf.methods import base
 from alignerf.mipnerf360 import model as mipnerf360
-from alignerf.networks import convnet
-from alignerf.training import methods
+from alignerf.training import batches, methods
 
 
-def make_method(
-    job: jobs.Job, loaded=None, *, to_train=True, learning=False
-) -> methods.Method:
-    """The method of a job: baseline, or AligNeRF in its fine-tuning stage.
+def make_method(job: jobs.Job, loaded=None, *, learning=False) -> methods.Method:
+    """The method of a job: the baseline, or what its part makes of it.
 
-    loaded: the scene, whose cameras may be learnt. to_train: False leaves out the
-    weights file, which only the loss needs. learning: whether what the method learns
-    besides, as cameras, is learnt now.
+    loaded: the scene, whose cameras may be learnt. learning: whether what the method
+    learns besides, as cameras, is learnt now.
     """
-    method = without_cameras(job, to_train=to_train, learning=learning)
+    method = without_cameras(job, learning=learning)
     return base.part_of(job).wrapped(method, loaded, learning)
 
 
-def without_cameras(job: jobs.Job, *, to_train, learning=False) -> methods.Method:
+def without_cameras(job: jobs.Job, *, learning=False) -> methods.Method:
     """The method by cameras as they are; learning: see `make_method`."""
-    training, fine = job.training, job.stage == "finetune"
-    options = {"outputs": job.alignerf.outputs} if fine else {}
+    training, part = job.training, base.part_of(job)
+    chosen = part.patches
+    options = {"outputs": chosen.outputs} if chosen else {}
     options |= {"native": calls.use(training.kernels)}
     model, loss = job.model.made(
         rays, moving=learning and job.learns is not None, **options
     )
+    loss = part.data_loss or loss
     if not isinstance(model, mipnerf360.Model):
         return methods.single_rays(model, loss, batch_rays=training.batch_rays)
     model, bounds = model.for_any_scene()
@@ -41,7 +40,16 @@ def without_cameras(job: jobs.Job, *, to_train, learning=False) -> methods.Metho
         ),
         "proposal_fraction": training.proposal_fraction,
     }
-    if not fine:
+    if chosen:
+        drawn = (chosen.patches, chosen.patch_px, chosen.radius_px)
+        method = methods.alignerf(
+            model,
+            drawn=batches.Patches(*drawn),
+            convolution=chosen.convolution,
+            losses_of=part.patch_losses,
+            **shared,
+        )
+    else:
         method = methods.mipnerf360(
             model,
             data_loss=loss,
@@ -49,34 +57,32 @@ def without_cameras(job: jobs.Job, *, to_train, learning=False) -> methods.Metho
             coarse_to_fine=tuple((job.learns and job.learns.coarse_to_fine) or ()),
             **shared,
         )
-        return methods.within(method, bounds)
-    chosen = job.alignerf
-    method = methods.alignerf(
-        model,
-        patches=chosen.patches,
-        patch_px=chosen.patch_px,
-        convolution=chosen.convolution,
-        loss=make_loss(chosen, to_train=to_train),
-        **shared,
-    )
     return methods.within(method, bounds)
 
 
-def make_loss(chosen: staged.Finetuning, *, to_train) -> methods.Loss:
-    """The loss of fine-tuning."""
-    return methods.Loss(
-        error=chosen.error,
-        radius_px=chosen.radius_px,
-        align_penalty=chosen.align_penalty,
-        frequency_weight=chosen.frequency_weight,
-        frequency_features=frequency_features(chosen) if to_train else None,
+# Views of a traced step, and their side in px: a patch and what is around it fits.
+TRACED = 2, 1024
+
+
+def trace(job: jobs.Job):
+    """Trace a step's gradient by shapes alone, which raises what its losses raise."""
+    plain = job.training.model_copy(update={"kernels": "jax"})
+    method = without_cameras(job.changed(training=plain))
+    (n, px), shape = TRACED, jax.ShapeDtypeStruct
+    views = batches.Views(
+        photos=shape((n, px, px, 3), "uint8"),
+        valid=shape((n, px, px // 8), "uint8"),
+        pixtocams=shape((n, 3, 3), "float32"),
+        camtoworlds=shape((n, 3, 4), "float32"),
     )
 
+    def step(views):
+        key = jax.random.key(0)
+        batch = method.draw(key, 0, views)
 
-def frequency_features(chosen: staged.Finetuning):
-    """VGG-19's first block, or the derivative bank; None where it weighs nothing."""
-    if chosen.frequency_weight == 0:
-        return None
-    if chosen.frequency_weights is None:
-        return frequency_loss.bank_features
-    return convnet.vgg19_features(chosen.frequency_weights)
+        def total(params):
+            return sum(method.terms(params, batch, 0.5)[0].values())
+
+        return jax.grad(total)(method.init(key))
+
+    jax.eval_shape(step, views)

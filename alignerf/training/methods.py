@@ -14,11 +14,7 @@ from typing import NamedTuple
 import jax
 import jax.numpy as jnp
 
-from alignerf.contributions import (
-    align_loss,
-    frequency_loss,
-    patch_conv,
-)
+from alignerf.contributions import patch_conv
 from alignerf.mipnerf360 import losses
 from alignerf.rays import rendering as losses_of_rays
 from alignerf.scenes import cameras
@@ -173,67 +169,23 @@ def passed(share, first, last):
     return jnp.clip((share - first) / max(last - first, 1e-6), 0.0, 1.0)
 
 
-class Loss(NamedTuple):
-    """How a rendered patch is compared with the photo around it.
-
-    error: `squared` (as printed) or `charbonnier` (the baseline's), of the render and
-    the photo patch that fits it best (Eq. 4). A patch with a radius of 0 is compared
-    where its rays are.
-    """
-
-    error: str
-    radius_px: int
-    align_penalty: float
-    frequency_weight: float
-    frequency_features: Callable | None  # None: no such loss
-
-
-def data_loss(rgb, photo, exists, loss: Loss):
-    """(photo patches for the frequency loss, data loss, numbers to show).
-
-    rgb [n, p, p, 3]; photo and exists: `batches.PatchBatch`. In units of one colour
-    value: of L_PM (Eq. 4) the squared error summed over the patch and the penalty of
-    the offset, both divided by the patch's number of values.
-    """
-    penalty = loss.align_penalty
-    patch, squared, length_px = match_patches(rgb, photo, exists, penalty)
-    shown = {"mse": jnp.mean((patch - rgb) ** 2), "offset_px": jnp.mean(length_px)}
-    if loss.error == "squared":
-        return patch, squared, shown
-    rays = (x.reshape(-1, x.shape[-1]) for x in (rgb, patch))
-    return patch, losses.charbonnier(*rays, jnp.ones(patch[..., 0].size)), shown
-
-
-def match_patches(rgb, photo, exists, penalty):
-    """One offset a patch: (patches, L_PM a colour value, lengths in px)."""
-    match = jax.vmap(functools.partial(align_loss.align, penalty=penalty))(
-        rgb, photo, exists
-    )
-    length_px = jnp.sqrt(jnp.sum(match.offset_px.astype(jnp.float32) ** 2, axis=-1))
-    # Of one offset: to the same rounding as in the search.
-    squared = jax.vmap(align_loss.squared_errors)(rgb, match.patch)[:, 0, 0]
-    squared = squared * match.scale
-    return match.patch, jnp.mean(squared + penalty * length_px) / rgb[0].size, length_px
-
-
 @functools.cache
 def alignerf(
     model,
     *,
-    patches,
-    patch_px,
+    drawn: batches.Patches,
     convolution,
-    loss: Loss,
+    losses_of: Callable,
     loss_weights: LossWeights,
     proposal_fraction=1.0,
 ) -> Method:
-    """AligNeRF: patches of rays, patch convolution, aligned and frequency losses.
+    """AligNeRF: patches of rays, patch convolution, and losses of patches.
 
-    Each of the three can be left out, for the ablation. Resampling is not annealed:
-    the proposals are trained when fine-tuning starts.
+    losses_of: `methods.base.Part.patch_losses` `terms`. Each can be left out, for the
+    ablation. Resampling is not annealed: the proposals are trained when fine-tuning
+    starts.
     """
-    head = patch_conv.PatchConv() if convolution else None
-    drawn = batches.Patches(patches, patch_px, loss.radius_px)
+    head, patch_px = patch_conv.PatchConv() if convolution else None, drawn.side_px
 
     def colours(params, values, *, padded=False):
         if head is None:
@@ -252,16 +204,9 @@ def alignerf(
         )
         values = rendering.values.reshape(-1, patch_px, patch_px, model.field.outputs)
         rgb = colours(params, values)
-        patch, data, shown = data_loss(rgb, batch.photo, batch.exists, loss)
+        found, shown = losses_of(rgb, batch.photo, batch.exists)
         further = _regularisers(rendering.histograms, loss_weights, model.native)
-        losses_of = {"data": data, **further}
-        if loss.frequency_features:
-            frequency = frequency_loss.frequency_loss(
-                loss.frequency_features, patch, rgb
-            )
-            # As printed against the sum over the patch, see `data_loss`.
-            losses_of["frequency"] = loss.frequency_weight * frequency / rgb[0].size
-        return losses_of, shown
+        return {**found, **further}, shown
 
     def init(key):
         key_model, key_head = jax.random.split(key)
@@ -272,7 +217,7 @@ def alignerf(
         return params
 
     return Method(
-        units=patches,
+        units=drawn.count,
         init=init,
         draw=lambda key, step, views: batches.draw_patches(
             key, step, views, drawn, model.jitters

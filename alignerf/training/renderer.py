@@ -39,7 +39,7 @@ STRIP_PIXELS = 65536
 def read_model(config, model, loaded: prepared.Scene):
     """(method, its parameters) of a job as JSON, or its file, from the model's file."""
     job = jobs.read(config)
-    method = compose.make_method(job, loaded, to_train=False)
+    method = compose.make_method(job, loaded)
     template = jax.eval_shape(method.init, jax.random.key(0))
     params = checkpoint.read_params(model, template)
     return method, jax.tree.map(jnp.asarray, params)

@@ -4,7 +4,8 @@ import pathlib
 
 ROOT = pathlib.Path(__file__).resolve().parents[2]
 POINTS = {
-    "methods": "goes_on = tests.extension.toy_method:METHOD",
+    "methods": "goes_on = tests.extension.toy_method:METHOD\n"
+    "trimmed = tests.extension.toy_loss:METHOD",
     "test_sets": "blurred = tests.extension.toy_test_set:SET",
     "systems": "one_look = tests.extension.toy_system:SYSTEM",
     "estimators": "shift = tests.extension.toy_estimator:ESTIMATOR",

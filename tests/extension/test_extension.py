@@ -29,6 +29,7 @@ models:
 methods:
   plain: { model: base }
   twice: { model: base, goes_on: { share: 0.25 } }
+  robust: { model: base, trimmed: {} }
   look: { model: looked }
 training: { steps: 60, batch_rays: 256, warmup_steps: 6 }
 flow: { estimator: shift, tolerance_px: 4.0 }
@@ -84,6 +85,15 @@ def test_a_method_is_trained_costed_and_exported(scene):
     assert not np.array_equal(given["camtoworlds"], learnt["camtoworlds"])
     assert (scene / "twice/export/cameras/transforms.json").is_file()
     assert not (scene / "plain/export").exists()
+
+
+def test_a_loss_is_trained_by_and_named(scene):
+    table = rows_of(scene / "tables/misalignment.csv")
+    row = next(row for row in table if row["method"] == "robust")
+    assert row["field"] == "grid 2^10, trimmed loss"
+    plain, own = (scene / f"{name}/round0/timing.json" for name in ("plain", "robust"))
+    losses = [json.loads(path.read_text())["final"]["loss"] for path in (plain, own)]
+    assert losses[0] != losses[1]
 
 
 def test_a_preflight_knows_what_it_takes(scene):

@@ -1,8 +1,11 @@
 """A patch of one new file adds a method: all that holds for others holds for it."""
 
 import json
+import shutil
 
 import pytest
+
+from tests.extension import toy_loss
 
 COUNTED = """
 import json, pytest, yaml
@@ -44,8 +47,32 @@ from tests.alignerf.methods import test_every_method as every
 demo = yaml.safe_load(open("tests/config.yaml"))
 experiment = every.experiment_with(demo, record)
 every.check_keys(record)
-for name in ("label", "moves", "test_set", "cost", "part"):
+for name in ("label", "moves", "test_set", "tables", "cost", "part"):
     getattr(every, f"check_{name}")(experiment)
+"""
+
+
+LOSS = """
+import pathlib
+from alignerf import config
+from alignerf.methods import base, trimmed
+
+pathlib.Path("mine.yaml").write_text(
+    "scenes: {a: {source: courtyard}}\\n"
+    "methods: {plain: {}, mine: {trimmed: {share: 0.9}}}\\n"
+)
+for loss in (
+    trimmed.Part.data_loss,
+    lambda self, rendering, photo, weight: rendering.rgb,
+    lambda self, rendering, photo, weight: (rendering.values - photo) ** 2,
+):
+    trimmed.Part.data_loss = loss
+    base.part_of.cache_clear()
+    try:
+        config.main(["--check", "mine.yaml"])
+        print("right")
+    except ValueError as error:
+        print(error)
 """
 
 
@@ -68,6 +95,18 @@ def test_a_method_is_planned_costed_said_and_exported(run):
     assert share.startswith("config: methods.its.corrected.share: 2 should be less")
     assert first.startswith("config: methods.its.corrected.first: less than share")
     assert unknown.endswith("perhaps 'share'")
+
+
+def test_a_loss_is_traced_before_anything_runs(patched):
+    run = patched()
+    shutil.copy(toy_loss.__file__, run.folder / "alignerf/methods/trimmed.py")
+    *_, right, unknown, unsummed = run(LOSS).splitlines()
+    assert right == "right"
+    where = "mine.yaml: methods.mine: its loss: "
+    assert (
+        unknown == f"{where}AttributeError: 'Rendering' object has no attribute 'rgb'"
+    )
+    assert unsummed.startswith(f"{where}TypeError: ")
 
 
 def test_what_holds_for_every_method_holds_for_it(run):

@@ -115,6 +115,8 @@ def of(*folders):
     ("path", "again"),
     [
         ("alignerf/methods/align.py", of("aligned/round0")),
+        ("alignerf/methods/staged.py", of("alignerf/round0", "pretrain/base")),
+        ("alignerf/contributions/frequency_loss.py", of("alignerf/round0")),
         ("alignerf/captures/courtyard.py", {"poses", "export_folder"}),
         ("alignerf/causes/motion.py", {"verdict", "page"}),
         ("site/theirs/method.py", {"train its/round0"}),

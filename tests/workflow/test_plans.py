@@ -438,10 +438,6 @@ JOBS = {"train", "render_views", "align_test_poses", "alignerf.config"}
         ("alignerf/tables/collect.py", {"collect"}),
         ("alignerf/metrics/lpips.py", {"evaluate"}),
         (
-            "alignerf/contributions/frequency_loss.py",
-            {"train", "render_views", "align_test_poses"},
-        ),
-        (
             "flow/__init__.py",
             {"align_test_poses", "align", "decompose", "control_sets", "figures.scene"},
         ),

@@ -91,7 +91,7 @@ def line_fault(text, place):
 def job_of(config):
     """A fine-tuning's job of a complete config, as its rule would be given it."""
     experiment = plan.Experiment(check.checked(config))
-    (staged, *_) = experiment.names("in_crops")
+    (staged, *_) = experiment.names("key", "alignerf")
     return experiment.at(next(iter(experiment.scenes)), staged, 0).job.model_dump()
 
 

@@ -151,13 +151,12 @@ def at_length(experiment, scene, methods):
 def compared(experiment, scene):
     """Test views side by side: a baseline, the same warped, and what is set against it.
 
-    Of the methods of AligNeRF's loss, and those that move cameras from the start; the
-    reference's without such.
+    Of all methods of ours that are no baseline; the reference's without such.
     """
     if "test" not in experiment.capture(scene).splits(experiment.scenes[scene]):
         return []
-    others = [*experiment.names("in_crops")]
-    others += [n for n in experiment.methods if "cameras" in experiment.moves(n, 0)]
+    ours = experiment.names("ours")
+    others = [n for n in experiment.names("from_scratch", False) if n in ours]
     others = at_length(experiment, scene, others)
     bases = [experiment.baseline(method) for method in others]
     chosen = []

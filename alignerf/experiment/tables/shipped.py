@@ -57,7 +57,7 @@ def experiments(given, files, words=()):
         try:
             checked = check.checked(config, files, tell=name in asked)
             experiment = plan.Experiment(checked)
-            for rule in (plan.check_equal, plan.check_lengths):
+            for rule in (plan.check_equal, plan.check_lengths, plan.check_losses):
                 check.named(files, rule, experiment)
             found[name] = experiment
         except ValueError:

@@ -8,8 +8,7 @@ import numpy as np
 import pytest
 from scipy import ndimage
 
-from alignerf.contributions import align_loss
-from alignerf.training import methods
+from alignerf.contributions import align_loss, patch_losses
 
 # The paper's sizes.
 SIZE, AROUND, RADIUS = 32, 48, 8
@@ -20,7 +19,7 @@ align = jax.jit(align_loss.align, static_argnames="penalty")
 def loss_of(render, photo, valid, penalty=0.01):
     """L_PM of one patch."""
     parts = (part[None] for part in (render, photo, valid))
-    _, of_a_value, _ = methods.match_patches(*parts, penalty)
+    _, of_a_value, _ = patch_losses.match_patches(*parts, penalty)
     return of_a_value * render.size
 
 

@@ -14,6 +14,7 @@ from alignerf.costs import estimate as costs
 from alignerf.experiment import check, jobs, plan, sources, targets
 from alignerf.experiment.steps import scenes
 from alignerf.experiment.tables import rows
+from alignerf.experiment.tables import scenes as table_scenes
 from alignerf.methods import align, base, pose_optimization
 
 VIEWS, RATES = costs.Views(16, 4, 30000), costs.Rates(6.0, 0.01, 10**8)
@@ -79,6 +80,16 @@ def check_test_set(experiment):
             assert testsets.fairest(known, moves) == fair
 
 
+def check_tables(experiment):
+    """It has a row in each table, and is drawn beside its baseline."""
+    for table in "", "comparison/":
+        found = table_scenes.rows_of(experiment, "courtyard", table)
+        assert "its" in [row.method for row in found]
+    if "its" in experiment.names("ours"):
+        drawn = scenes.compared(experiment, "courtyard")
+        assert "its" in [shown.method for shown in drawn]
+
+
 def check_cost(experiment):
     """It takes time."""
     work = json.loads(costs.as_json(experiment, "courtyard"))
@@ -120,6 +131,8 @@ def test_a_method_is_known_everywhere(demo, record):
     assert methods.of_method(experiment.methods["its"]) is record
     check_label(experiment)
     check_test_set(experiment)
+    if not record.from_scratch:
+        check_tables(experiment)
     check_moves(experiment)
     check_cost(experiment)
     check_part(experiment)
@@ -133,6 +146,8 @@ def test_a_method_that_changes_cameras_in_rounds_is_too(demo, record):
     experiment = experiment_with(demo, record, changes="cameras", **rounds)
     check_label(experiment)
     check_test_set(experiment)
+    if not record.from_scratch:
+        check_tables(experiment)
     check_moves(experiment)
 
 

@@ -315,7 +315,7 @@ def ray_gradient_of(kind):
     job = pose_optimization.Job(
         **dict(job), pose_optimization=pose_optimization.PoseOptimization()
     )
-    method = compose.without_cameras(job, to_train=True, learning=True)
+    method = compose.without_cameras(job, learning=True)
 
     def total(params, origins, directions, rays):
         moved = rays._replace(origins=origins, directions=directions)

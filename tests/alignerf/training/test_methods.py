@@ -184,7 +184,7 @@ def test_alignerf_takes_a_step_on_every_network(tuning, views):
 
 def test_aligned_and_frequency_loss_keep_the_printed_ratio(views):
     """Eq. 4 sums over the patch, Eq. 5 averages; one divisor for both."""
-    method = cases.alignerf(loss=cases.make_loss(radius_px=0, align_penalty=0.0))
+    method = cases.alignerf(radius_px=0, align_penalty=0.0)
     params = jax.jit(method.init)(jax.random.key(0))
     batch = jax.jit(method.draw)(jax.random.key(4), 0, everywhere(views))
     terms, _ = jax.jit(method.terms)(params, batch, 1.0)
@@ -216,15 +216,8 @@ def charbonnier_at_rest(method, batch, params):
 
 
 def test_without_its_parts_the_method_is_the_baseline_on_patches(views):
-    loss = cases.make_loss(error="charbonnier", radius_px=0, frequency_features=None)
-    method = methods.alignerf(
-        cases.tiny_model(),
-        patches=2,
-        patch_px=12,
-        convolution=False,
-        loss=loss,
-        loss_weights=cases.WEIGHTS,
-    )
+    parts = {"convolution": False, "radius_px": 0, "frequency_weight": 0.0}
+    method = cases.alignerf(outputs=3, error="charbonnier", **parts)
     params = jax.jit(method.init)(jax.random.key(0))
     assert params.keys() == {"model"}
     batch = jax.jit(method.draw)(jax.random.key(4), 0, everywhere(views))
@@ -239,8 +232,7 @@ def test_a_patch_that_may_move_matches_better(views):
     """The more that may move, the smaller the error that is left."""
     errors, params = [], None
     for radius_px in (3, 0):
-        loss = cases.make_loss(radius_px=radius_px, align_penalty=0.0)
-        method = cases.alignerf(loss=loss)
+        method = cases.alignerf(radius_px=radius_px, align_penalty=0.0)
         if params is None:
             # The loss has none of its own.
             params = jax.jit(method.init)(jax.random.key(0))

@@ -64,7 +64,7 @@ def test_scenes_share_the_renderer_of_a_model(rng, compiled):
     sizes = (64, 64, 0.2), (80, 60, 0.2), (52, 96, 0.3), (64, 64, 0.3)
     for width, height, near in sizes:
         model = job_cases.JOB["model"] | {"near": near}
-        method = compose.make_method(job_of(model=model), to_train=False)
+        method = compose.make_method(job_of(model=model))
         params = cases.random_params(np.random.default_rng(0), method)
         render = renderer.make_renderer(method, params, width, height)
         images.append(render(views.pixtocams[0], views.camtoworlds[0])[1])
