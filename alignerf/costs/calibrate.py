@@ -59,7 +59,7 @@ def main(argv=None):
 
 def compile_ahead(job):
     """Compile a job's step and renderer, which know nothing of a scene."""
-    method = compose.without_cameras(job, to_train=True)
+    method = compose.without_cameras(job)
     params = jax.jit(method.init)(jax.random.key(0))
     size = types.SimpleNamespace(width=SIDE_PX, height=SIDE_PX)
     program.build(job, method, params, batches.view_shapes(size, [0]))

@@ -36,10 +36,10 @@ def compile_training(config, scene):
     chosen = loaded.views("train")
     key, shapes = jax.random.key(job.seed), batches.view_shapes(loaded, chosen)
     # The second is that after its look at the photos.
-    for learning in (False, True) if job.part else (False,):
+    for learning in (False, True) if job.part and job.stage == "full" else (False,):
         method = compose.make_method(job, loaded, learning=learning)
         program.build(job, method, jax.eval_shape(method.init, key), shapes)
-    method = compose.make_method(job, loaded, to_train=False)
+    method = compose.make_method(job, loaded)
     render = renderer.make_renderer(
         method, jax.jit(method.init)(key), loaded.width, loaded.height
     )
