@@ -331,7 +331,9 @@ def report_of(work: Path, paths: Mapping[str, Path], cores: int | None) -> Repor
     elif "cameras" in paths:
         cameras = cameras_of(paths["cameras"], paths["photos"])
     return Report(
-        "\n".join(found["verdict"]).replace(EXPORT, "report.cameras"),
+        "\n".join(line for line in found["verdict"] if line.strip() != EXPORT)
+        .replace("the command below writes them", "they are in report.cameras")
+        .replace(EXPORT, "report.cameras"),
         found["state"],
         causes,
         csv_files.read(work / layout.Scene(NAME).views),

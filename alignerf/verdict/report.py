@@ -271,7 +271,7 @@ def gauge(one, e):
         "allowed": allowed,
         "note": note,
         "page": cause.page,
-        "text": f"{cause.label} ({said})",
+        "text": f"{cause.label} ({said})" if said else cause.label,
     }
 
 

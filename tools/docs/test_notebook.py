@@ -10,7 +10,8 @@ def test_the_notebook_runs(root):
     nbformat = pytest.importorskip("nbformat")
     pytest.importorskip("ipykernel", reason="ipykernel is not installed")
     notebook = nbformat.read(root / "docs/notebooks/diagnose.ipynb", as_version=4)
-    assert not any(cell.get("outputs") for cell in notebook.cells)
+    # What GitHub shows of it is what it says.
+    assert "poses are off" in str([cell.get("outputs") for cell in notebook.cells])
     client = nbclient.NotebookClient(
         notebook, timeout=300, resources={"metadata": {"path": str(root)}}
     )

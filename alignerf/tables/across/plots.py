@@ -3,6 +3,7 @@
 import matplotlib.figure
 import matplotlib.ticker
 
+from alignerf import testsets
 from alignerf.tables import scores
 
 COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#444444")
@@ -70,7 +71,7 @@ def costs(table, path):
         axes.set_title(condition.replace("_", " "), fontsize=LABEL_PT)
         axes.set_xscale("log", base=2)
         axes.xaxis.set_major_formatter(matplotlib.ticker.FormatStrFormatter("%g"))
-        axes.set_xlabel("seconds of all that it takes", fontsize=LABEL_PT)
+        axes.set_xlabel("seconds in all", fontsize=LABEL_PT)
         test_set = lines["test_set"].iloc[0]
-        axes.set_ylabel(f"PSNR, {test_set} (dB)", fontsize=LABEL_PT)
+        axes.set_ylabel(f"PSNR {testsets.against(test_set)} (dB)", fontsize=LABEL_PT)
     finish(figure, panels, path, ncols=min(4, 2 * len(panels)))
