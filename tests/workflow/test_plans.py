@@ -325,7 +325,7 @@ def test_rounds_of_cameras_learnt_cameras_and_exports_are_planned(
 
 
 def test_without_arguments_the_demo_is_planned(tmp_path, root, snakemake, dry_run):
-    code, output = snakemake(tmp_path, "-n")
+    code, output = snakemake(tmp_path, "-n", more={"VERBOSE": "1"})
     assert code == 0
     demo = root / "workflow/config/demo.yaml"
     check_plan(output, yaml.safe_load(demo.read_text()))

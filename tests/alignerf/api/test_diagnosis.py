@@ -79,7 +79,7 @@ def test_nothing_of_the_caller_changes(report, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path / "work")
     monkeypatch.setattr(tempfile, "tempdir", str(tmp_path / "work"))
     before = dict(os.environ), sys.argv, os.getcwd()
-    with pytest.raises(ValueError, match="gone: no folder of renders"):
+    with pytest.raises(ValueError, match="gone does not exist"):
         alignerf.diagnose(photos, tmp_path / "gone")
     assert (dict(os.environ), sys.argv, os.getcwd()) == before
     assert not os.listdir()
@@ -150,8 +150,8 @@ class OfBytes:
         ({"cores": 0}, "cores: a whole number from 1"),
         ({"cores": "2"}, "cores: a whole number from 1"),
         ({"cores": True}, "cores: a whole number from 1"),
-        ({"images": "~nouser/x", "renders": "y"}, "~nouser/x: no folder of photos"),
-        ({"images": OfBytes(), "renders": "y"}, "nowhere: no folder of photos"),
+        ({"images": "~nouser/x", "renders": "y"}, "~nouser/x does not exist"),
+        ({"images": OfBytes(), "renders": "y"}, "nowhere does not exist"),
         ({"images": IMAGES[:, :0]}, r"images\[0\]: uint8 \[0, 40, 3\] instead"),
         ({"held_out": [True, False, False]}, "held_out: indices"),
         ({"held_out": 3}, "held_out: indices"),

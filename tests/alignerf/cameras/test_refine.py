@@ -46,7 +46,7 @@ def test_rays_move_as_their_cameras_do(rng, views, size):
     given = rays_of(views, views.camtoworlds)
     found = refine.move(given, jnp.asarray(twist, jnp.float32))
     wanted = rays_of(views, refine.moved_cameras(views.camtoworlds, twist))
-    for ours, theirs in zip(found, wanted, strict=True):
+    for ours, theirs in zip(*map(jax.tree.leaves, (found, wanted)), strict=True):
         np.testing.assert_allclose(ours, theirs, atol=2e-6 * max(1, size))
     if size == 0.0:
         np.testing.assert_array_equal(found.directions, given.directions)

@@ -28,7 +28,8 @@ REACHED = {
     # It reads the photos of a scene once more.
     "alignerf.export": {"scene"},
     "alignerf.config": EVERY,
-    "alignerf.costs": JOB | {"scene"},
+    # Programs of a whole config are compiled ahead.
+    "alignerf.costs": EVERY,
 }
 
 

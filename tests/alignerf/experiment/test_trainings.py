@@ -7,7 +7,7 @@ import re
 
 import pytest
 
-from alignerf.experiment import jobs, layout, plan, targets, trainings
+from alignerf.experiment import jobs, layout, plan, sources, targets, trainings
 
 HERE = "results/courtyard"
 # Of each kind that trains.
@@ -197,7 +197,8 @@ def test_cameras_that_move_are_compared_with_a_truth_that_is_known(
 
 def test_only_what_looks_at_itself_depends_on_the_flows_code(experiment):
     for folder, training in experiment.trainings("courtyard").items():
-        aligns = "alignerf.alignment.aligner" in training.modules
+        run = map(sources.reached, ("alignerf.train", *training.records))
+        aligns = any(path.name == "aligner.py" for paths in run for path in paths)
         assert aligns == (folder in ("aligned/round0", "learnt/round0")), folder
 
 
