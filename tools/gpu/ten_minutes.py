@@ -116,10 +116,11 @@ def carry_out(programs, todo, out, *, seconds, clock=time.monotonic):
     note, is not done again.
     """
     end, path = clock() + seconds, out / "stages.csv"
-    commit, done = provenance.commit(), set()
+    # A copy of the sources alone has no commit.
+    commit, done = provenance.commit() or "", set()
     if path.exists():
-        ended = pd.read_csv(path)
-        ended = ended[(ended["state"] == "done") & ended["note"].isna()]
+        ended = pd.read_csv(path, dtype=str, keep_default_na=False)
+        ended = ended[(ended["state"] == "done") & (ended["note"] == "")]
         done = set(ended.loc[ended["commit"] == commit, "stage"])
 
     def tell(stage, state, took_s, note):

@@ -1,6 +1,7 @@
 """Ten minutes on an accelerator: all of it on a CPU, and that it keeps to its time."""
 
 import math
+import multiprocessing
 import os
 import subprocess
 import sys
@@ -11,6 +12,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
+from alignerf.io import provenance
 from tools.gpu import paper_size, ten_minutes
 
 
@@ -19,27 +21,53 @@ def states(out):
     return dict(zip(table["stage"], table["state"], strict=True))
 
 
-def test_what_fails_hangs_or_does_not_fit_stops_no_other(tmp_path):
+def hanging(mark):
+    """A command that never ends; `mark` takes its number."""
+    return ["sh", "-c", f"echo $$ > {mark}.new; mv {mark}.new {mark}; exec sleep 300"]
+
+
+def is_gone(mark):
+    """Whether a process ends soon; its parent, which is to take note, may be gone."""
+    place = Path("/proc", mark.read_text().strip(), "cmdline")
+    deadline = time.monotonic() + 10
+    while place.exists() and place.read_text() and time.monotonic() < deadline:
+        time.sleep(0.05)
+    return not place.exists() or not place.read_text()
+
+
+def test_a_kill_leaves_no_process_on_the_device(tmp_path):
+    mark = tmp_path / "mark"
+    stage = ten_minutes.Stage("hangs", 0, subprocess.run, (hanging(mark),), {})
+    killed = multiprocessing.get_context("spawn").Process(
+        target=ten_minutes.carry_out,
+        args=([], [stage], tmp_path),
+        kwargs={"seconds": 300},
+    )
+    killed.start()
+    while not mark.exists():
+        assert killed.is_alive()
+        time.sleep(0.05)
+    killed.kill()
+    killed.join()
+    assert is_gone(mark)
+
+
+def test_what_fails_hangs_or_does_not_fit_stops_no_other(tmp_path, monkeypatch):
     """A process that is gone is replaced; one that hangs is ended with its own."""
+    # As of a copy of the sources without Git's folder.
+    monkeypatch.setattr(provenance, "commit", lambda: None)
     stage, mark = ten_minutes.Stage, tmp_path / "mark"
-    hang = ["sh", "-c", f"echo $$ > {mark}; exec sleep 300"]
     todo = [
         stage("fails", 0, int, ("no number",)),
         stage("dies", 0, os._exit, (1,)),
         stage("long", 1000, math.sqrt, (4,)),
         stage("runs", 0, math.isnan, (4,)),
-        stage("hangs", 0, subprocess.run, (hang,), most_s=2),
+        stage("hangs", 0, subprocess.run, (hanging(mark),), most_s=2),
     ]
     ten_minutes.carry_out(todo[:1], todo, tmp_path, seconds=300)
     expected = {"fails": "failed", "dies": "failed", "long": "skipped"}
     assert states(tmp_path) == expected | {"runs": "done", "hangs": "stopped"}
-    # Its parent, which is to take note, is gone as well.
-    deadline = time.monotonic() + 10
-    while (place := Path("/proc", mark.read_text().strip(), "cmdline")).exists():
-        if not place.read_text() or time.monotonic() > deadline:
-            break
-        time.sleep(0.05)
-    assert not place.exists() or not place.read_text()
+    assert is_gone(mark)
     # What is done is not done again, and a run keeps to its time.
     todo = [todo[3], stage("sleeps", 0, time.sleep, (300,)), stage("late", 1, int, ())]
     began = time.monotonic()

@@ -6,6 +6,7 @@ import multiprocessing
 import os
 import signal
 import sys
+import threading
 
 # A process that has not begun by then is none.
 BEGINNING_S = 60
@@ -52,8 +53,19 @@ class Worker:
 
 
 def begin(log):
-    """In a worker: a process group of its own, and all that is printed into a file."""
+    """In a worker: a process group of its own, and all that is printed into a file.
+
+    Where its parent is gone, as by a kill, it goes as well: the next run has the device
+    to itself.
+    """
     os.setpgrp()
+    threading.Thread(target=follow, daemon=True).start()
     with open(log, "a") as file:
         for stream in (sys.stdout, sys.stderr):
             os.dup2(file.fileno(), stream.fileno())
+
+
+def follow():
+    """Wait for the parent's end, then end the group."""
+    multiprocessing.parent_process().join()
+    os.killpg(0, signal.SIGKILL)
