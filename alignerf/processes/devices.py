@@ -55,6 +55,8 @@ def use_as_devices():
 def begin(threads=None, gpus=1):
     """Take what a command may use: threads, accelerators, programs compiled before."""
     machine.limit(threads)
+    if gpus < 0:
+        raise ValueError(f"--gpus: {gpus} is not a number of accelerators")
     take_accelerators(gpus)
     keep_programs()
 

@@ -48,6 +48,11 @@ print(len(jax.local_devices()))
     assert not done.stderr
 
 
+def test_fewer_accelerators_than_none_are_refused():
+    with pytest.raises(ValueError, match="--gpus: -1 is not a number of accel"):
+        devices.begin(gpus=-1)
+
+
 @pytest.mark.parametrize("named", [True, False])
 def test_programs_are_kept_for_the_user_where_no_folder_is_named(
     tmp_path, monkeypatch, named
