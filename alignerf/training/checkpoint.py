@@ -150,7 +150,7 @@ def read_budget(folder, *, identity) -> dict | None:
     try:
         budget = json_files.read(path, BUDGET)
         if budget["identity"] != identity:
-            log.info("%s: of another configuration, timing anew", path)
+            log.info("%s: of another configuration or code, timing anew", path)
             return None
         if not (budget["steps"] >= 1 and budget["steps_per_s"] > 0):
             raise ValueError(f"{path}: no such speed")
@@ -164,8 +164,8 @@ def restore(folder, template, *, identity):
     """The newest whole state of a job and its entry in the manifest, or None.
 
     A damaged checkpoint, or one of another job (other config, photos or initial
-    weights, or, after the last slash of its identity, other code), is logged and
-    ignored; without another one training starts anew.
+    weights, or, after the last slash of its identity, other code or steps), is logged
+    and ignored; without another one training starts anew.
     """
     try:
         entries = _read_manifest(manifest_of(folder))
@@ -185,7 +185,7 @@ def restore(folder, template, *, identity):
     same = job and entries[0]["identity"].rpartition("/")[0] == job
     # It takes two checkpoints until the one that is left is gone.
     if same and not own:
-        said = "of this configuration by other code: keep a copy, or restore that code"
+        said = "of this configuration by other code, or in other steps: keep a copy"
         log.warning("%s: %s is %s; starting anew", folder, entries[0]["file"], said)
     else:
         said = "checkpoint of another configuration, " * (not own)

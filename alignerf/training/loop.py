@@ -70,10 +70,10 @@ def begin(
     kernels = calls.name_of(job.training.kernels)
     data, code = checkpoint.digest((params, views)), (sources, kernels)
     known = (data, *code)
-    job, built, facts = in_budget(job, method, built, params, views, checkpoints, known)
-    # What differs after the slash is code alone.
     identity = checkpoint.fingerprint(job.model_dump(), data)
-    identity += f"/{checkpoint.fingerprint(*code)}"
+    job, built, facts = in_budget(job, method, built, params, views, checkpoints, known)
+    # What differs after the slash is code alone, and its number of steps in a budget.
+    identity += f"/{checkpoint.fingerprint(job.model_dump(), *code)}"
     facts |= describe(job, method, params)
     aligner.begin(job.steps, identity)
     fresh = Resumed(program.fresh_state(built.optimizer, params), 0.0, None, {})

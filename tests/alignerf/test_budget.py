@@ -111,19 +111,23 @@ def test_another_job_is_timed_anew(folder, tmp_path, seconds, monkeypatch, other
     assert not seconds
 
 
+@pytest.mark.parametrize("sources", ["", "other"])
 def test_a_state_of_other_steps_is_not_taken(
-    folder, tmp_path, seconds, monkeypatch, caplog
+    folder, tmp_path, seconds, monkeypatch, caplog, sources
 ):
-    """The record is lost, and the machine is faster now: another learning rate."""
+    """The record is lost, or the code another, and faster: another learning rate."""
     seconds[:] = [STEP_TIME_S, STEP_TIME_S / 2, STEP_TIME_S / 2]
     with monkeypatch.context() as patched:
         cases.kill_after_save(patched, 4)
         with pytest.raises(cases.Killed):
             cases.run(folder, tmp_path / "lost", with_budget())
-    (tmp_path / "lost" / "checkpoints" / "budget.json").unlink()
+    if not sources:
+        (tmp_path / "lost" / "checkpoints" / "budget.json").unlink()
     caplog.set_level("INFO", "alignerf")
-    found = cases.run(folder, tmp_path / "lost", with_budget())
-    assert "checkpoint of another configuration, starting anew" in caplog.text
+    more = "--sources", sources
+    found = cases.run(folder, tmp_path / "lost", with_budget(), *more)
+    said = "state-4.msgpack is of this configuration by other code, or in other steps"
+    assert said in caplog.text
     assert found == cases.run(folder, tmp_path / "fresh", with_budget())
 
 
