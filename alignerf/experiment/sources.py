@@ -70,10 +70,11 @@ def reached(module):
         if path is None or name in seen:
             continue
         seen[name] = path
-        package = name.removesuffix(".__init__").rpartition(".")[0]
+        own = name.removesuffix(".__init__")
+        package = own.rpartition(".")[0]
         # Importing a module runs the packages that it lies in, but no records of these.
         todo += [f"{package}.__init__"] if package else []
-        todo += imports(path, name if path.name == "__init__.py" else package)
+        todo += imports(path, own if path.name == "__init__.py" else package)
         if name in RUN_WHOLE:
             todo += [f"{name}.{one.stem}" for one in path.parent.glob("*.py")]
             todo += [point.module for point in extensions.points(RUN_WHOLE[name])]

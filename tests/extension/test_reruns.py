@@ -39,7 +39,8 @@ UNUSED = ("methods/auto.py", "methods/aligned_loss.py", "captures/photos.py")
 UNUSED += ("captures/polycam.py", "systems/ngp.py")
 SCORES = ("evaluate", "align_test_poses", "control_sets", "tables")
 PACKAGE = {
-    "theirs/__init__.py": "",
+    "theirs/__init__.py": "from . import shared\n",
+    "theirs/shared.py": "",
     "theirs/method.py": "from .parts import named\n"
     "from tests.extension.toy_method import GoesOn\n\n\n"
     "class Theirs(GoesOn):\n    pass\n\n\nMETHOD = Theirs()\n",
@@ -127,6 +128,17 @@ def test_what_is_used_reruns_what_runs_it(tree, theirs, commented, path, again):
     folder, jobs, _ = tree
     commented(folder / path)
     assert changed(theirs[1], jobs()[1]) == again
+
+
+def test_what_a_package_imports_of_itself_reruns_as_the_package_does(
+    tree, theirs, commented
+):
+    folder, jobs, _ = tree
+    again = []
+    for path in ("theirs/shared.py", "theirs/__init__.py"):
+        commented(folder / "site" / path)
+        again.append(changed(theirs[1], jobs()[1]))
+    assert again[0] == again[1] != set()
 
 
 def test_a_new_record_is_run_by_what_asks_each(patched, tree):
