@@ -44,6 +44,9 @@ NAME, MODES = "diagnosed", ("camera_to_world", "world_to_camera")
 POSES, LENS, NAMED = ("camera", "focal"), ("lens_shift",), ("faulty", "likely")
 # What exports from the folder that is no more.
 EXPORT = f"make export SCENE={NAME}"
+# And what of a text points at it: "the command below", the trainers' commands.
+BELOW = r"the\s+command\s+below"
+TRAINERS = re.compile(r"<li><label>Train on them.*?</li>", re.DOTALL)
 LINK = re.compile(r'<a (?:data-doc href="[^"]*"|href="[\w/.]+")>(.*?)</a>', re.DOTALL)
 
 Images = np.ndarray | Iterable[np.ndarray]
@@ -331,16 +334,24 @@ def report_of(work: Path, paths: Mapping[str, Path], cores: int | None) -> Repor
     elif "cameras" in paths:
         cameras = cameras_of(paths["cameras"], paths["photos"])
     return Report(
-        "\n".join(line for line in found["verdict"] if line.strip() != EXPORT)
-        .replace("the command below writes them", "they are in report.cameras")
-        .replace(EXPORT, "report.cameras"),
+        told("\n".join(found["verdict"]), corrected=corrected),
         found["state"],
         causes,
         csv_files.read(work / layout.Scene(NAME).views),
         cameras,
         corrected,
-        faults.text(at / "index.html").replace(EXPORT, "report.cameras"),
+        told(faults.text(at / "index.html"), corrected=corrected),
     )
+
+
+def told(text: str, *, corrected: bool = False) -> str:
+    """A text of a judgement for one who has its `Report`, and not its folder."""
+    text = re.sub(rf"^ *{EXPORT}(\n|$)", "", text, flags=re.MULTILINE)
+    if corrected:
+        them = rf"{BELOW}\s+writes\s+them"
+        text = re.sub(them, "they are in report.cameras", text)
+    text = re.sub(BELOW, "`why-blurry export`", TRAINERS.sub("", text))
+    return text.replace(EXPORT, "report.cameras" if corrected else "why-blurry export")
 
 
 def cameras_of(path: Path, folder: Path) -> dict[str, Any]:

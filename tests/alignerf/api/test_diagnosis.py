@@ -72,6 +72,19 @@ def test_cameras_that_are_right_come_back(report, cameras):
     assert report.cameras["names"][0] == "view0000"
 
 
+def test_a_report_points_at_no_folder_that_is_gone(root):
+    """What a command writes is in the report, or takes a judgement of files."""
+    folded = "Train again: the\n             command below writes them.\n"
+    command = f"    {diagnosis.EXPORT}\n"
+    told = diagnosis.told(folded + command, corrected=True)
+    assert told == "Train again: they are in report.cameras.\n"
+    told = diagnosis.told(f"Mask it (the command below writes masks).\n{command}")
+    assert told == "Mask it (`why-blurry export` writes masks).\n"
+    page = (root / "alignerf/page/verdict.html").read_text()
+    assert "data-trainer" in page
+    assert "data-trainer" not in diagnosis.told(page)
+
+
 def test_nothing_of_the_caller_changes(report, tmp_path, monkeypatch):
     """Nor is anything left, in its folder or the temporary one."""
     photos = cases.photos(tmp_path / "photos")
