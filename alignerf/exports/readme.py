@@ -56,7 +56,7 @@ It turns, centers and scales the cameras. To keep their frame, add to either:
 gsplat, in its checkout:
 
     python examples/simple_trainer.py default --data_dir PATH_OF_THIS_FOLDER \\
-        --data_factor 1
+        --data_factor 1 --save_ply --disable_viewer
 
 Gaussian splatting (graphdeco-inria), in its checkout; `-r 1` keeps photos that are
 wider than 1600 pixels at their size:

@@ -22,7 +22,8 @@ LARGEST = 10.0
 # What trains on an export, below the folder of its photos and cameras.
 TRAINERS = {
     "nerfstudio": "ns-train splatfacto --data {}",
-    "gsplat": "python examples/simple_trainer.py default --data_dir {} --data_factor 1",
+    "gsplat": "python examples/simple_trainer.py default --data_dir {} --data_factor 1 "
+    "--save_ply --disable_viewer",
     "Gaussian splatting": "python train.py -s {} --eval -r 1",
     "OpenSplat": "opensplat {} -n 30000 -o splat.ply",
     "Brush": "brush {}",
