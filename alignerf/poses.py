@@ -260,7 +260,7 @@ def warn_of_few(out, split):
     counts = {name: int((split == name).sum()) for name in prepared.SPLITS}
     if counts["train"] < FEW_TRAIN_VIEWS or counts["test"] < FEW_TEST_VIEWS:
         log.warning(
-            "%s: %d views to learn from and %d to judge by are few: under %d and %d no "
+            "%s: %d views to learn from and %d to judge by: under %d and %d no "
             "difference can be told from chance",
             *(out, counts["train"], counts["test"], FEW_TRAIN_VIEWS, FEW_TEST_VIEWS),
         )

@@ -46,17 +46,17 @@ def find_few_views(e):
     """Photos to learn or to judge from."""
     least = misalignment.FEW_TRAIN_VIEWS, misalignment.FEW_TEST_VIEWS
     views, few = misalignment.views(e), misalignment.few_train(e)
-    said = f"{views} renders are few: {least[0]} is the minimum"
-    if not e.judged:
-        said = f"{e.train_views} training and {e.test_views} held-out photos are few: "
-        said += f"{least[0]} and {least[1]} are the minimum"
     few_test = e.test_views < least[1] and not e.judged
     shown = (e.test_views, least[1]) if few_test and not few else (views, least[0])
+    what = "renders" if e.judged else "photos to learn from"
+    short = [(f"{views} {what}", least[0])] * few
+    short += [(f"{e.test_views} held-out photos", least[1])] * few_test
+    counts, needed = (" and ".join(str(one[i]) for one in short) for i in (0, 1))
     return base.Finding(
         *shown,
         True if few or few_test else None,
         more_is_better=True,
-        said=said,
+        said=f"{counts} are few: at least {needed} are needed",
         explains=few,
         measured=f"{e.train_views} and {e.test_views} held out",
     )

@@ -6,7 +6,7 @@ import math
 import pytest
 
 from alignerf import causes, poses
-from alignerf.causes import base
+from alignerf.causes import base, coverage
 from alignerf.causes.shared import misalignment
 from alignerf.page import pictures
 from tests.alignerf.causes import cases
@@ -295,6 +295,23 @@ def test_photos_are_too_few_by_what_they_see(
     # Where the count says it, the gap is no second cause.
     few = cases.named(e._replace(train_views=9, test_views=6))
     assert few == ["few_views"]
+
+
+@pytest.mark.parametrize(
+    ("train", "test", "said"),
+    [
+        (14, 2, "2 held-out photos are few: at least 5 are needed"),
+        (9, 6, "9 photos to learn from are few: at least 12 are needed"),
+        (
+            *(9, 2),
+            "9 photos to learn from and 2 held-out photos are few: at least 12 and 5 "
+            "are needed",
+        ),
+    ],
+)
+def test_only_what_is_short_is_called_few(train, test, said):
+    found = coverage.find_few_views(WELL._replace(train_views=train, test_views=test))
+    assert (found.sure, found.said) == (True, said)
 
 
 def test_a_splat_knows_its_photos_by_heart():
