@@ -44,7 +44,7 @@ def of_table(path, timings, judgements=()):
         timing, judgement = timings.get(row.method), dict(judgements).get(row.method)
         changed = "cameras corrected" if moves == {"cameras"} else "warped"
         name = scores.row_name(called[row.method], row.warping, changed)
-        if timing:
+        if timing and called[row.method] == row.method:
             # What a method that aligns itself is, besides what its baseline is.
             baseline = f"{labels.get(row.difference_to)}, "
             name = f"{name}, {str(row.field).removeprefix(baseline)}"

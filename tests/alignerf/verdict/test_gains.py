@@ -121,3 +121,21 @@ def test_the_most_cameras_that_a_training_moved(tmp_path, counts, most):
     assert gains.cameras_moved(path) == most
     path.write_text("{}")
     assert gains.cameras_moved(path) is None
+
+
+def test_a_name_in_words_says_nothing_twice(tmp_path):
+    rows = [
+        ("plain", "grid", False, 0.0, -0.1, 0.1),
+        ("auto", '"grid, cameras corrected, then learned"', True, 1.0, 0.5, 1.5),
+    ]
+    columns = "method,field,moves_cameras,difference_db,difference_low_db,"
+    columns += "difference_high_db,moves_photos,warping,test_set,difference_to,"
+    lines = [f"{columns}total_time_s"]
+    lines += [
+        ",".join(map(str, [*row, "False,none,aligned_pose,plain,60"])) for row in rows
+    ]
+    (tmp_path / "table.csv").write_text("\n".join(lines))
+    (tmp_path / "timing.json").write_text("{}")
+    in_loop = {"auto": tmp_path / "timing.json"}
+    (gain,) = gains.of_table(tmp_path / "table.csv", in_loop)
+    assert gain.name == "corrected cameras"
