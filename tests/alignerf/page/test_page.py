@@ -107,7 +107,7 @@ def test_a_new_verdict_has_a_command_what_was_tried_and_gauges(render, causes):
     assert '<tr class="faulty">' in text
     for shown in (
         "<b>+1.2</b>",
-        "2.66 -&gt; 0.50 px",
+        "2.66 → 0.50 px",
         "<small>no &lt;gain&gt;</small>",
     ):
         assert shown in text
