@@ -72,6 +72,8 @@ def main(argv=None):
     parser.add_argument("--peer", type=Path, help="checkout of multinerf")
     parser.add_argument("--gsplat", type=Path, help="checkout of gsplat")
     args = parser.parse_args(argv)
+    if not 0 < args.minutes < math.inf:
+        raise ValueError(f"--minutes: {args.minutes:g} is no time")
     if args.prepare or (args.dry and not args.folder.is_dir()):
         prepare(args.folder, dry=args.dry)
     if args.prepare:

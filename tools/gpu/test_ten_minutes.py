@@ -96,6 +96,12 @@ def test_an_unprepared_folder_is_named(tmp_path):
         ten_minutes.main([str(tmp_path)])
 
 
+@pytest.mark.parametrize("minutes", ["0", "-1", "nan", "inf"])
+def test_minutes_in_which_nothing_fits_are_refused(tmp_path, minutes):
+    with pytest.raises(ValueError, match=f"--minutes: {minutes} is no time"):
+        ten_minutes.main([str(tmp_path), f"--minutes={minutes}"])
+
+
 @pytest.mark.whole
 def test_a_dry_run_does_all_of_it(tmp_path, root, capsys):
     """Without a peer and gsplat, which it says; and the hours that follow."""
