@@ -80,10 +80,15 @@ def save(folder, state, *, identity, time_s, micro_batches, final):
     state, path = jax.device_get(state), manifest_of(folder)
     facts = {"identity": identity, "time_s": time_s, "parts": micro_batches}
     data, step = flax.serialization.to_bytes(state), int(state.step)
+
+    def stays(entry):
+        found = re.fullmatch(r"state-(\d+)\.msgpack", entry["file"])
+        # One of this job beyond this step was not usable, or it had been resumed.
+        own = entry["identity"] == identity
+        return found and (int(found[1]) < step if own else int(found[1]) != step)
+
     try:
-        others = [
-            e for e in _read_manifest(path) if e["file"] != f"state-{step}.msgpack"
-        ]
+        others = [entry for entry in _read_manifest(path) if stays(entry)]
     except (OSError, ValueError):
         others = []
     facts |= {"final": final, "before": others[0] if others else None}

@@ -81,6 +81,15 @@ def test_the_last_two_are_kept(tmp_path, state, caplog):
     assert "state-8.msgpack is damaged" in caplog.text
 
 
+def test_a_damaged_one_is_not_kept_in_place_of_a_whole_one(tmp_path, state):
+    """It was resumed from step 7, and saves on its way to step 9 again."""
+    for step in (7, 9, 8):
+        save(tmp_path, state._replace(step=jnp.asarray(step, jnp.int32)))
+        (tmp_path / "state-9.msgpack").write_bytes(b"damaged")
+    (tmp_path / "state-8.msgpack").write_bytes(b"damaged")
+    same(restore(tmp_path, state)[0], state)
+
+
 @pytest.mark.parametrize(
     ("other", "said"),
     [
