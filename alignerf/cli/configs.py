@@ -140,7 +140,9 @@ def remember(command, args):
     Of a path from the root the last name alone: the page is sent to others.
     """
     given, options = {}, []
-    for key, value in vars(args).items():
+    # `--before none` is read as "".
+    none = {"before": "none"} if getattr(args, "before", None) == "" else {}
+    for key, value in (vars(args) | none).items():
         if key == "cores" or value in (None, "", False):
             continue
         path, option = str(value), f"--{key.replace('_', '-')}"

@@ -388,6 +388,10 @@ def test_held_out_views_that_a_users_config_has_otherwise_are_refused(here, runs
             "make judge PHOTOS='a b' SPLAT=x.ply OPTIONS=\"--held-out every=8\"",
         ),
         (["--photos=/home/me/a", "--renders=r"], "make judge PHOTOS=a RENDERS=r"),
+        (
+            ["--photos=a", "--renders=r", "--before=none"],
+            'make judge PHOTOS=a RENDERS=r OPTIONS="--before none"',
+        ),
     ],
 )
 def test_the_command_is_kept_as_it_was_typed_without_a_user_s_folders(
