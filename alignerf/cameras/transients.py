@@ -108,9 +108,8 @@ def of_view(view: View, others) -> Found:
         for levels, times, spreads in (WEAK, STRONG)
     )
     agreed = np.where(known[..., None], agreed, 0)
-    shown = things(weak, strong, own, agreed, max(MIN_PART * known.sum(), 1))
-    left = np.abs(own - alike(view.render.astype(np.float32), own)).mean(axis=-1)
-    shown = unlike(shown, left, off)
+    seen = own, agreed, alike(view.render.astype(np.float32), own)
+    shown = things(weak, strong, *seen, max(MIN_PART * known.sum(), 1))
     # A photo that differs nearly everywhere is another one, or its camera is wrong.
     usable = known.mean() > MIN_KNOWN and shown.sum() < MAX_PART * known.sum()
     return Found(shown, known) if usable else unknown(known.shape)
@@ -136,10 +135,11 @@ def opened(seen):
     return cv2.morphologyEx(seen.astype(np.uint8), cv2.MORPH_OPEN, disc)
 
 
-def things(weak, strong, own, agreed, least_px):
+def things(weak, strong, own, agreed, render, least_px):
     """The parts of a mask that hold so many pixels of a stronger one, and no shadows.
 
-    own, agreed [h, w, 3]: what the photo shows, and what others do.
+    own, agreed, render [h, w, 3]: what the photo shows, what others do, and the view's
+    render, which lacks them, too.
     """
     _, labels = cv2.connectedComponents(weak)
 
@@ -149,20 +149,10 @@ def things(weak, strong, own, agreed, least_px):
     gain = total((own * agreed).sum(-1)) / np.maximum(total((agreed**2).sum(-1)), 1)
     left = np.abs(own - gain[labels][..., None] * agreed).mean(axis=-1)
     kept = (total(strong) >= least_px) & (total(left) > SHADE * total(weak))
+    lacking, off = (total(np.abs(own - one).mean(axis=-1)) for one in (render, agreed))
+    kept &= lacking > UNLIKE_RENDER * off
     kept[0] = False
     return kept[labels]
-
-
-def unlike(shown, left, off):
-    """The parts [h, w] of a mask that a render lacks.
-
-    left, off [h, w]: levels that the photo is apart from it, and from other photos.
-    """
-    count, labels = cv2.connectedComponents(shown.astype(np.uint8))
-    left, off = (
-        np.bincount(labels[shown], values[shown], count) for values in (left, off)
-    )
-    return shown & (left > UNLIKE_RENDER * off)[labels]
 
 
 def moved_into(view: View, other: View):

@@ -10,7 +10,6 @@ import time
 import types
 
 import jax
-import numpy as np
 
 from alignerf.costs import estimate
 from alignerf.experiment import jobs
@@ -63,10 +62,7 @@ def compile_ahead(job):
     params = jax.jit(method.init)(jax.random.key(0))
     size = types.SimpleNamespace(width=SIDE_PX, height=SIDE_PX)
     program.build(job, method, params, batches.view_shapes(size, [0]))
-    # One pixel, so that no more than one chunk of rays is rendered.
-    wanted = np.arange(SIDE_PX**2).reshape(SIDE_PX, SIDE_PX) == 0
-    render = renderer.make_renderer(method, params, SIDE_PX, SIDE_PX)
-    render(np.eye(3), np.eye(3, 4), wanted)
+    renderer.compile_ahead(method, params, SIDE_PX, SIDE_PX)
 
 
 def rates_of(job, loaded: prepared.Scene, started) -> estimate.Rates:

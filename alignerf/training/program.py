@@ -83,8 +83,7 @@ def refitted(built, micro_batches, job, method, params, views) -> Program:
         # Built for a checkpoint that turned out to be another job's. Only this case
         # compiles twice: a new training begins with the usual ones, whatever lay there.
         # A CPU takes the photos as they lie in memory.
-        on_cpu = jax.local_devices()[0].platform == "cpu"
-        to_come = 0 if on_cpu else memory.tree_bytes(views)
+        to_come = 0 if calls.on_cpu() else memory.tree_bytes(views)
         before_s = built.compile_time_s
         built = build(
             job, method, params, views, micro_batches=micro_batches, to_come=to_come

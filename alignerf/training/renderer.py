@@ -17,6 +17,7 @@ from jax.sharding import PartitionSpec
 
 from alignerf.contributions import strips
 from alignerf.experiment import jobs
+from alignerf.kernels import calls
 from alignerf.processes import devices
 from alignerf.scenes import cameras, prepared
 from alignerf.training import checkpoint, compose, gradients, memory, methods
@@ -48,6 +49,13 @@ def read_model(config, model, loaded: prepared.Scene):
 def make_renderer(method, params, width, height):
     """A function from a camera to its image and depth: a `Renderer` of parameters."""
     return functools.partial(Renderer(method, width, height), params)
+
+
+def compile_ahead(method, params, width, height):
+    """Compile what renders images of a size, by one pixel of one."""
+    wanted = np.zeros((height, width), bool)
+    wanted[0, 0] = True
+    make_renderer(method, params, width, height)(np.eye(3), np.eye(3, 4), wanted)
 
 
 class Renderer:
@@ -164,7 +172,8 @@ class Renderer:
 
 
 def on_accelerator():
-    return jax.local_devices()[0].platform != "cpu"
+    """Whether images are made in an accelerator's way; models ask by themselves."""
+    return not calls.on_cpu()
 
 
 def check_finite(finite):
@@ -216,9 +225,6 @@ def put(held, pixels, rendered):
 @functools.partial(jax.jit, static_argnums=(0, 1))
 def image_of(colours, layout, params, values):
     """(image [h, w, 3] uint8, whether all its colours are finite) of all values."""
-
-    def of(values):
-        return jnp.clip(colours(params, values), 0.0, 1.0)
-
-    rgb = strips.at_once(values, of, **dict(layout))
+    clipped = functools.partial(clipped_colours, colours, params)
+    rgb = strips.at_once(values, clipped, **dict(layout))
     return jnp.round(rgb * 255.0).astype(jnp.uint8), jnp.isfinite(rgb).all()

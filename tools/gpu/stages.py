@@ -9,7 +9,6 @@ import sys
 from pathlib import Path
 
 import jax
-import numpy as np
 import pandas as pd
 
 from alignerf import evaluate, render_views, train
@@ -40,12 +39,8 @@ def compile_training(config, scene):
         method = compose.make_method(job, loaded, learning=learning)
         program.build(job, method, jax.eval_shape(method.init, key), shapes)
     method = compose.make_method(job, loaded)
-    render = renderer.make_renderer(
-        method, jax.jit(method.init)(key), loaded.width, loaded.height
-    )
-    one = np.zeros((loaded.height, loaded.width), bool)
-    one[0, 0] = True
-    render(loaded.pixtocams[0], loaded.camtoworlds[0], one)
+    params = jax.jit(method.init)(key)
+    renderer.compile_ahead(method, params, loaded.width, loaded.height)
 
 
 def rates(out, config, peer, *, dry, grid, repeats=TURNS):
