@@ -52,8 +52,7 @@ words = [] if workflow.is_main_process else None
 if workflow.is_main_process and "snakemake" in sys.argv[0].split("/")[-2:]:
     typed = get_argument_parser().parse_known_args()[0]
     words = typed.targets
-    # A dry run says how many jobs each rule has; with VERBOSE=1 it tells each of them.
-    if typed.dryrun and typed.quiet is None and not asked.is_verbose():
+    if asked.only_counts(typed):
         workflow.output_settings.quiet = {Quietness.RULES, Quietness.PROGRESS}
 
 # A config of the user's differs from the defaults, and not from one that is shipped.

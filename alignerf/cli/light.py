@@ -21,7 +21,7 @@ from alignerf.captures import base
 from alignerf.cli import configs, report
 from alignerf.experiment import check, cluster, layout, plan, sources, steps, targets
 from alignerf.experiment.checks import results
-from alignerf.io import atomic, json_files, machine, progress
+from alignerf.io import atomic, json_files, machine, progress, provenance
 from alignerf.judged import originals, views
 
 # By these a keyboard, another process and a terminal that is closed end a run.
@@ -66,7 +66,7 @@ def run(path, cores, wanted, overrides=()):
                 told.begin(number, rule, of, [log])
                 threads = ["--threads", str(cores)] * (rule in IN_THREADS)
                 code = called([*command, *threads], log)
-                if os.environ.get("VERBOSE"):
+                if provenance.is_verbose():
                     told.tell(report.said([log]))
                 # What a signal has raised may not have been passed on.
                 if asked:

@@ -21,7 +21,7 @@ import psutil
 from alignerf.cli import configs, light, report
 from alignerf.experiment import asked, sources, targets
 from alignerf.experiment.tables import shipped
-from alignerf.io import owned
+from alignerf.io import owned, provenance
 
 LOGS, KEPT = Path("results/logs"), 10
 OURS = re.compile(r"run-\d{8}-\d{6}-\d+\.log")
@@ -51,7 +51,7 @@ def run(path, cores, *wanted, overrides=(), forced=(), first=()):
         raise ValueError(NO_TRAINING)
     else:
         command = command_of(path, cores, wanted, overrides, forced, first)
-        if os.environ.get("VERBOSE"):
+        if provenance.is_verbose():
             return loud(command)
         code = quiet(command, captures)
     if code == 0 and (not wanted or "all" in wanted):

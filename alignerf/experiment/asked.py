@@ -8,6 +8,7 @@ from typing import NamedTuple
 
 from alignerf.experiment import layout, plan, targets
 from alignerf.experiment.tables import shipped
+from alignerf.io import provenance
 
 # Of a name that is meant and one that is typed, from 0 to 1.
 LIKENESS = 0.7
@@ -15,9 +16,12 @@ LIKENESS = 0.7
 SHOWN = {"psnr_db": ("PSNR", ".2f"), "ssim": ("SSIM", ".3f"), "lpips": ("LPIPS", ".3f")}
 
 
-def is_verbose():
-    """Whether a user wants to see all that Snakemake says."""
-    return bool(os.environ.get("VERBOSE"))
+def only_counts(typed):
+    """Whether a dry run says how many jobs each rule has, and tells none of them.
+
+    typed: the command line, as Snakemake parses it.
+    """
+    return typed.dryrun and typed.quiet is None and not provenance.is_verbose()
 
 
 class Asked(NamedTuple):

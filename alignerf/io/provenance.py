@@ -41,6 +41,11 @@ TYPED = "ALIGNERF_TYPED"
 CHANGES = ("status", "--porcelain", "--untracked-files=no")
 
 
+def is_verbose():
+    """Whether a user wants to see all output, as by `make run VERBOSE=1`."""
+    return bool(os.environ.get("VERBOSE"))
+
+
 def as_json(described):
     """The content of a provenance file; described: as of `describe`."""
     return json.dumps(described, indent=2) + "\n"
