@@ -268,9 +268,9 @@ def test_photos_that_are_there_are_no_rules_output(
 def test_a_stopped_download_keeps_what_is_there(tmp_path, snakemake):
     """Of a failing job Snakemake deletes the outputs: of that scene, and no other's."""
     (tmp_path / "360_v2" / "flowers").mkdir(parents=True)
-    part = tmp_path / "360_v2" / "360_extra_scenes.zip"
+    part = tmp_path / "360_v2" / "360_extra_scenes.zip.fetched"
     part.write_bytes(b"PK")
-    more = {"https_proxy": "http://127.0.0.1:9"}
+    more = {"https_proxy": "http://127.0.0.1:9", "ALIGNERF_DATA": str(tmp_path)}
     code, output = snakemake(tmp_path, "download_360_v2", "--cores", "1", more=more)
     assert code == 1
     assert re.search(r"^error: https://\S+\.zip: curl ended with \d+", output, re.M)
