@@ -1,7 +1,9 @@
 """What one photo shows and others of the same place do not: somebody who walks through.
 
 A flow says nothing of what is there or not. Photos of other views, moved into a view by
-the depth of their own renders, tell what the place looks like without it.
+the depth of their own renders, tell what the place looks like without it. So does the
+view's own render, which averages over photos: of what only one of them shows it has
+learnt little. Each errs elsewhere, so that what both tell counts: `fraction`.
 """
 
 from typing import NamedTuple
@@ -26,6 +28,9 @@ SHADE = 13.5
 # Of what a part is apart from others by: a render that is nearer to the photo shows the
 # same, so that its depth is wrong, as of a fence or of the sky behind an edge.
 UNLIKE_RENDER = 0.4
+# Of what a part is apart from its render by: others that are nearer show the same, and
+# the render has not learnt it. Others have to know so much of the part.
+UNLIKE_OTHERS, MIN_SEEN = 0.5, 0.3
 # Of the longer side: what is finer than this is not looked for.
 SIGMA_FRACTION = 0.012
 # Of the pixels that are known of a view: a smaller part is none.
@@ -42,6 +47,7 @@ class View(NamedTuple):
     """A view made small: blurred photo and render [h, w, 3], depth [h, w], its camera.
 
     depth is along the axis, and NaN where it is unknown or the photo does not count.
+    learned: whether the photo is one that the render was learned from.
     """
 
     photo: np.ndarray
@@ -50,22 +56,54 @@ class View(NamedTuple):
     pixtocam: np.ndarray
     camtoworld: np.ndarray
     counts: np.ndarray
+    learned: bool = True
 
 
 class Found(NamedTuple):
-    """[h, w] bool: where a photo shows what others do not; where that is known."""
+    """[h, w] bool: where a photo shows what others lack, or its own render.
 
-    shown: np.ndarray
+    known: where others tell it. counts: where its render does: nowhere, unless learned.
+    """
+
+    apart: np.ndarray
+    lacked: np.ndarray
     known: np.ndarray
+    counts: np.ndarray
+
+    @property
+    def shown(self):
+        """[h, w] bool: either."""
+        return self.apart | self.lacked
 
     @property
     def share(self):
-        """Of what is known; NaN of nothing."""
-        count = self.known.sum()
-        return float(self.shown.sum() / count) if count else np.nan
+        """Of what is known, what is shown; NaN of nothing."""
+        return share_of(self.shown, self.known)
 
 
-def small(view: exposure.View, render) -> View:
+def share_of(mask, known):
+    count = known.sum()
+    return float(mask.sum() / count) if count else np.nan
+
+
+def fraction(found):
+    """Of what photos show, what others and own renders lack; NaN where nothing tells.
+
+    found: a `Found` of each view. The geometric mean of both shares: either may err.
+    """
+    apart, lacked = (
+        [share for mask, known in pairs if np.isfinite(share := share_of(mask, known))]
+        for pairs in (
+            [(one.apart, one.known) for one in found],
+            [(one.lacked, one.counts) for one in found],
+        )
+    )
+    if not apart or not lacked:
+        return np.nan
+    return float(np.sqrt(np.mean(apart) * np.mean(lacked)))
+
+
+def small(view: exposure.View, render, learned=True) -> View:
     """The parts of a view and its render [h, w, 3] that others are compared with."""
     k = -(-max(view.depth.shape) // LONGEST_PX)
     chosen, pixtocam = exposure.every_kth(k, view.pixtocam)
@@ -78,7 +116,7 @@ def small(view: exposure.View, render) -> View:
     if view.counts is not None:
         counts = view.counts[chosen]
     depth = np.where(counts & np.isfinite(depth) & (depth > 0), depth, np.nan)
-    return View(*pair, depth, pixtocam, view.camtoworld, counts)
+    return View(*pair, depth, pixtocam, view.camtoworld, counts, learned)
 
 
 def found(views):
@@ -99,25 +137,32 @@ def of_view(view: View, others) -> Found:
     order = np.sort(moved, axis=0)
     count = np.isfinite(moved[..., 0]).sum(axis=0)
     agreed = middle(order, count)
-    apart = middle(np.sort(np.abs(moved - agreed), axis=0), count).mean(axis=-1)
-    off = np.abs(own - agreed).mean(axis=-1)
+    spread = middle(np.sort(np.abs(moved - agreed), axis=0), count).mean(axis=-1)
     known = (count >= MIN_AGREE) & view.counts
-    usual = np.percentile(off[known], 75) if known.any() else np.inf
-    weak, strong = (
-        opened(known & (off > np.maximum(max(levels, spreads * usual), times * apart)))
-        for levels, times, spreads in (WEAK, STRONG)
-    )
     agreed = np.where(known[..., None], agreed, 0)
-    seen = own, agreed, alike(view.render.astype(np.float32), own)
-    shown = things(weak, strong, *seen, max(MIN_PART * known.sum(), 1))
+    render = alike(view.render.astype(np.float32), own)
+    off, left = (np.abs(own - one).mean(axis=-1) for one in (agreed, render))
+    apart = parts(
+        *(own, agreed, known, spread),
+        lambda total: total(left) > UNLIKE_RENDER * total(off),
+    )
+    counts = view.counts & view.learned
+    lacked = parts(
+        *(own, render, counts, 0),
+        lambda total: (
+            (total(known) > MIN_SEEN * total(counts))
+            & (total(off * known) > UNLIKE_OTHERS * total(left * known))
+        ),
+    )
     # A photo that differs nearly everywhere is another one, or its camera is wrong.
-    usable = known.mean() > MIN_KNOWN and shown.sum() < MAX_PART * known.sum()
-    return Found(shown, known) if usable else unknown(known.shape)
+    usable = known.mean() > MIN_KNOWN and apart.sum() < MAX_PART * known.sum()
+    found = Found(apart, lacked, known, counts)
+    return found if usable else unknown(known.shape)
 
 
 def unknown(shape):
     """`Found` of a view [h, w] of which nothing is known."""
-    return Found(np.zeros(shape, bool), np.zeros(shape, bool))
+    return Found(*(np.zeros(shape, bool) for _ in Found._fields))
 
 
 def middle(ordered, count):
@@ -135,22 +180,27 @@ def opened(seen):
     return cv2.morphologyEx(seen.astype(np.uint8), cv2.MORPH_OPEN, disc)
 
 
-def things(weak, strong, own, agreed, render, least_px):
-    """The parts of a mask that hold so many pixels of a stronger one, and no shadows.
+def parts(own, other, known, spread, is_told):
+    """[h, w] bool: where a photo shows something else than another picture, no shadow.
 
-    own, agreed, render [h, w, 3]: what the photo shows, what others do, and the view's
-    render, which lacks them, too.
+    own, other [h, w, 3], known [h, w]. spread [h, w]: by how much the other is unsure.
+    is_told: (function that sums [h, w] over each part) -> [parts] bool: which count.
     """
+    off = np.abs(own - other).mean(axis=-1)
+    usual = np.percentile(off[known], 75) if known.any() else np.inf
+    weak, strong = (
+        opened(known & (off > np.maximum(max(levels, spreads * usual), times * spread)))
+        for levels, times, spreads in (WEAK, STRONG)
+    )
     _, labels = cv2.connectedComponents(weak)
 
     def total(values):
         return np.bincount(labels.ravel(), np.ravel(values), labels.max() + 1)
 
-    gain = total((own * agreed).sum(-1)) / np.maximum(total((agreed**2).sum(-1)), 1)
-    left = np.abs(own - gain[labels][..., None] * agreed).mean(axis=-1)
-    kept = (total(strong) >= least_px) & (total(left) > SHADE * total(weak))
-    lacking, off = (total(np.abs(own - one).mean(axis=-1)) for one in (render, agreed))
-    kept &= lacking > UNLIKE_RENDER * off
+    gain = total((own * other).sum(-1)) / np.maximum(total((other**2).sum(-1)), 1)
+    left = np.abs(own - gain[labels][..., None] * other).mean(axis=-1)
+    kept = total(strong) >= max(MIN_PART * known.sum(), 1)
+    kept &= (total(left) > SHADE * total(weak)) & is_told(total)
     kept[0] = False
     return kept[labels]
 

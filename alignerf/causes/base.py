@@ -179,9 +179,9 @@ class Cause:
 class Finding(NamedTuple):
     """What an Evidence says of a cause.
 
-    value, limit: in the cause's unit; NaN where unknown. sure: whether the cause is
-    beyond doubt; None where it is not found. more_is_better: right values are above the
-    limit.
+    value, limit: in the unit, or else the cause's; NaN where unknown. sure: whether the
+    cause is beyond doubt; None where it is not found. more_is_better: right values are
+    above the limit.
     said: for its sentence. measured: in place of value and unit. advice: in place of
     the cause's.
     detectable: whether the run tells the cause. stands: whether it is told by what no
@@ -197,6 +197,7 @@ class Finding(NamedTuple):
     more_is_better: bool = False
     said: str = ""
     measured: str = ""
+    unit: str = ""
     advice: str = ""
     detectable: bool = True
     stands: bool = False

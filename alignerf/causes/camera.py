@@ -68,10 +68,11 @@ def shown(e):
 def denied(e):
     """Whether matches deny that cameras are off; None where they are no witness.
 
-    Those that fit, and find nothing to correct, do.
+    Those that fit, and find nothing to correct, do; so do those that no cameras fit.
     """
     m = e.matches
-    return m and bool(not misalignment.corrected(m) and m.before_px <= RIGHT_PX)
+    fits = m and not misalignment.corrected(m) and m.before_px <= RIGHT_PX
+    return m and bool(fits or misalignment.is_scattered(e))
 
 
 def is_shared(e):

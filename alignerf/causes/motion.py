@@ -1,7 +1,7 @@
 """The scene moved between photos: pixels that do not move with their camera."""
 
 from alignerf.causes import base, exposure
-from alignerf.causes.shared import remedies
+from alignerf.causes.shared import misalignment, remedies
 
 # Pixels that do not move with their camera: by so much at least, and by so much of what
 # it moves, since a model that averages wrong poses is bent; and their share. That is up
@@ -17,15 +17,27 @@ WARPED_MOTION_DB, WARPED_MOTION_TWICE_DB = 0.2, -1.8
 
 
 def find(e):
-    """Pixels that move by themselves; no warping where photos were warped in vain."""
+    """Pixels that move by themselves, or points that photos share and no cameras fit.
+
+    No warping where photos were warped in vain.
+    """
     tried = remedies.warped_in_vain(e) or remedies.advise(e)
+    advice = "" if e.judged else tried
+    if misalignment.is_scattered(e):
+        px, limit_px = misalignment.scatter_px(e), misalignment.scatter_limit_px(e)
+        said = f"points that several photos show lie {base.length(px)} from where any "
+        said += "cameras expect them"
+        more = {"said": said, "unit": "px", "advice": advice, "stands": True}
+        return base.beyond(px, limit_px, **more)
     tone = exposure.find_tone(e)
     times = TIMES_BY_TONE if tone and tone.sure is not None else 1
+    percent = 100 * e.moved_fraction
     return base.beyond(
-        100 * e.moved_fraction,
+        percent,
         100 * times * MOVED_FRACTION,
+        said=f"{percent:.0f} % of a photo moves independently of the camera",
         stands=e.moved_fraction > MOVED_ANYWAY,
-        advice="" if e.judged else tried,
+        advice=advice,
     )
 
 
@@ -35,8 +47,7 @@ CAUSE = base.Cause(
     unit="%",
     find=find,
     called="things {probably}moved",
-    sentence="Things {probably}moved between photos: {value:.0f} % of a photo moves "
-    "independently of the camera{photos}.",
+    sentence="Things {probably}moved between photos: {said}{photos}.",
     advice="train longer, then warp the photos once (rounds: 1). Where only objects "
     f"move in the demo's scene, warping brought {WARPED_MOTION_DB} dB at as many "
     f"steps, and lost {-WARPED_MOTION_TWICE_DB} dB to a training as long as both.",

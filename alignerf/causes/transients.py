@@ -3,11 +3,11 @@
 from alignerf.causes import base, exposure
 from alignerf.causes.shared import misalignment
 
-# Of what photos show: 0.001 where nothing is there, 0.006 where one photo of 25 has a
-# car, 0.011 where every fifth has something on a twentieth of it. From where it is
-# sure. Poses that are off by 6 px double it, and so does exposure that makes flows
-# stumble: 0.005 became 0.010.
-FRACTION, SURE_FRACTION, BY_POSES, BY_EXPOSURE = 0.0065, 0.01, 3, 2
+# Of what photos show: 0 to 0.001 where nothing is there, 0.002 to 0.004 where depth is
+# poor, 0.004 to 0.02 where something is on a twentieth of each photo, 0.005 where one
+# photo of 25 has a car. From where it is sure. Poses that are off may double it, and so
+# may exposure that makes flows stumble.
+FRACTION, SURE_FRACTION, BY_POSES, BY_EXPOSURE = 0.0035, 0.006, 2, 2
 
 
 def find(e):

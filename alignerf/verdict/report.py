@@ -248,13 +248,14 @@ def gauge(one, e):
         # One limit: what is shorter cannot be seen.
         one = one._replace(limit=max(one.limit, seen_px))
     cause, level = one.cause, level_of(one)
-    bound = amount(one.limit, cause.unit)
+    unit = one.unit or cause.unit
+    bound = amount(one.limit, unit)
     if not one.measured:
         # The unit stands beside what was measured.
-        bound = bound.removesuffix(f" {cause.unit}")
+        bound = bound.removesuffix(f" {unit}")
     allowed = f"{'from' if one.more_is_better else 'up to'} {bound}"
     allowed = allowed if one.limit or one.more_is_better else "none"
-    measured = one.measured or amount(one.value, cause.unit)
+    measured = one.measured or amount(one.value, unit)
     note = f"{CANNOT_TELL} {one.spoilt}" if one.spoilt else ""
     if not note and level == UNKNOWN and one.detectable and is_beyond(one):
         note = insignificant(one, e, measured)
@@ -265,7 +266,7 @@ def gauge(one, e):
         "level": level,
         "value": float(one.value),
         "limit": float(one.limit),
-        "unit": cause.unit,
+        "unit": unit,
         "more_is_better": one.more_is_better,
         "measured": measured,
         "allowed": allowed,

@@ -42,6 +42,8 @@ def of_view(loaded: prepared.Scene, base, split, tables, look, metrics, view):
     (render,) = prepared.read_images(loaded, [view], base / "renders" / split)
     _, valid = read_flow(base, split, name)
     (counts,) = prepared.read_masks(loaded, [view])
+    # Without any render of a learned photo, those of held-out ones have to tell.
+    learned = split == "train" or not (base / "renders" / "train").is_dir()
     row = tables.loc[name]
     measured = views.View(
         view=name,
@@ -63,7 +65,7 @@ def of_view(loaded: prepared.Scene, base, split, tables, look, metrics, view):
         measured,
         look(photo, render, counts),
         exposure.sampled(whole),
-        transients.small(whole, render),
+        transients.small(whole, render, learned),
         tone.levels_of(photo, render, counts),
         spectrum.octaves(shown, render) * (1.0 if counts.mean() > 0.5 else np.nan),
         floaters.hidden(photo, render, depth, counts),

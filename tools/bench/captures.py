@@ -48,6 +48,11 @@ def of(role):
     return {name for name, own in EVERY.items() if own["role"] == role}
 
 
+def own(name):
+    """The causes that are known to be true of a capture as it is."""
+    return [*EVERY.get(name, {}).get("own", {})]
+
+
 def check_for_development(names):
     """Refuse captures that no rule is to be made with."""
     if held_out := sorted(of(HELD_OUT) & {*names}):

@@ -109,7 +109,10 @@ def collect(out, captures, known=None):
     ]
     chosen = {case.capture for case, _ in cases}
     clean = {path: clean_photos(path) for path in chosen}
-    own = {path: own_of(matched(path, out), clean[path]) for path in chosen}
+    own = {
+        path: own_of(matched(path, out), clean[path], captures_of.own(path.name))
+        for path in chosen
+    }
     rows = machine.map_in_threads(
         lambda one: rows_of(*one, clean[one[0].capture], own[one[0].capture]),
         cases,
@@ -133,10 +136,11 @@ def matched(capture, out):
     return matches.load(planted.matched(capture, out) / "matches.npz")
 
 
-def own_of(found, photos):
+def own_of(found, photos, seen=()):
     """The causes that are true of a capture as it is, by name, joined by spaces.
 
     found: matches in the photos {name: [h, w, 3]}. Neither renders nor depth are asked.
+    seen: those that are known by other means.
     """
     levels, details = [], []
     for name, xy in zip(found.names, found.keypoints, strict=True):
@@ -152,7 +156,7 @@ def own_of(found, photos):
         "exposure": np.std(stops) > exposure.SHARED_EV,
         "blurred": soft.mean() > blur.BLURRED_VIEWS,
     }
-    return " ".join(name for name in true if true[name])
+    return " ".join([*(name for name in true if true[name]), *seen])
 
 
 def detail(grey):

@@ -29,6 +29,10 @@ FEW_EPOCHS = 0.5
 # Of the matches' error, what wrong poses leave once they are corrected; and what any
 # camera that is worth a correction does. Right ones gained up to 0.08, wrong ones 0.17.
 LEFT, WORTH = 0.4, 0.85
+# What the best cameras leave of it at the most, in px of a photo that is so wide: up to
+# 0.5 whatever else is wrong, 0.35 to 1.6 where patches of photos move by 5 px. An
+# adjustment that fails leaves more: so much of the photos has to move by itself.
+SCATTER_PX, SCATTER_WIDTH_PX, SCATTER_MOVED = 0.5, 1000, 0.035
 # Detail of another program's renders over their photos', in the second finest octave:
 # of too short a training; and what leaves that open.
 MIN_DETAIL, SOFT_DETAIL = 0.32, 0.5
@@ -97,7 +101,28 @@ def corrected(m):
 
 def poses_off(e):
     """Whether matches say that the cameras in use are off."""
-    return bool(e.matches and corrected(e.matches) and not e.matches.applied)
+    m = e.matches
+    if not m or m.applied or not corrected(m):
+        return False
+    return not is_scattered(e) or m.after_px < LEFT * m.before_px
+
+
+def scatter_px(e):
+    """What the best cameras that were tried leave of the matches' error; or NaN."""
+    m = e.matches
+    lenses = [one.after_px for one in (m.lens, m.left) if one] if m else []
+    return min([m.before_px, m.after_px, *lenses]) if m else math.nan
+
+
+def scatter_limit_px(e):
+    """What right cameras may leave of it; more in a larger photo."""
+    return SCATTER_PX * max(e.photo_width_px / SCATTER_WIDTH_PX, 1)
+
+
+def is_scattered(e):
+    """Whether points that photos share fit no cameras: they have moved."""
+    moved = e.moved_fraction > SCATTER_MOVED
+    return moved and scatter_px(e) > scatter_limit_px(e)
 
 
 def explained_by_poses(e):

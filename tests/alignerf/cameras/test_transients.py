@@ -157,6 +157,29 @@ def test_what_the_render_shows_as_well_is_no_thing_but_of_wrong_depth(stops):
     ]
 
 
+def test_where_neighbours_disagree_its_own_render_tells():
+    """People stand before the same place in all photos, each dressed otherwise."""
+
+    def somebody(i):
+        def change(photo):
+            photo[16:32, 36:60] = np.roll([240, 20, 60], i) // (1 + i % 2)
+
+        return change
+
+    views = [view(0.02 * i, change=somebody(i)) for i in range(12)]
+    told = found(views)
+    assert sum(one.apart.any() for one in told) < sum(one.lacked.any() for one in told)
+    assert 0.001 < transients.fraction(told) < 0.06
+    # A held-out photo's render lacks what it likes.
+    unlearned = [small(one)._replace(learned=False) for one in views]
+    held_out = transients.found(unlearned)
+    assert not any(one.lacked.any() for one in held_out)
+    assert math.isnan(transients.fraction(held_out))
+    # What a render lacks and others do not is its own fault.
+    dark = [small(one, np.full((HEIGHT, WIDTH, 3), 60)) for one in map(view, [0.0] * 6)]
+    assert transients.fraction(transients.found(dark)) == 0
+
+
 @pytest.mark.parametrize("count", range(4))
 def test_few_views_agree_on_nothing(count):
     own = found([view(0.1 * i) for i in range(count)])

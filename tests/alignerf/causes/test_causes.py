@@ -9,6 +9,7 @@ from alignerf import causes, poses
 from alignerf.causes import base, coverage
 from alignerf.causes.shared import misalignment
 from alignerf.page import pictures
+from alignerf.verdict import report
 from tests.alignerf.causes import cases
 from tests.alignerf.causes.cases import APART, FAULTS, THEIRS, WELL
 
@@ -114,6 +115,39 @@ def test_causes_compete():
         (cases.OF_RENDERS["tone"] | {"exposure_ev": 0.01}, ["tone"]),
     ):
         assert cases.named(THEIRS._replace(**changes)) == named, changes
+
+
+@pytest.mark.parametrize(
+    ("before_px", "after_px", "moved", "width_px", "named"),
+    [
+        # As measured on beer, fruit, cup and scan65, patches of which were bent.
+        (2.28, 1.27, 0.105, 288.0, ["motion"]),
+        (2.59, 1.6, 0.17, 302.0, ["motion"]),
+        (1.34, 1.34, 0.12, 384.0, ["motion"]),
+        # Wrong poses besides, wrong poses alone, and an adjustment that failed.
+        (3.44, 0.99, 0.1, 317.0, ["camera", "motion"]),
+        (2.3, 0.21, 0.06, 400.0, ["camera"]),
+        (2.85, 2.7, 0.01, 400.0, ["camera"]),
+        # Of a larger photo matches are found less exactly.
+        (1.4, 0.8, 0.05, 4000.0, ["camera"]),
+    ],
+)
+def test_points_that_no_cameras_fit_have_moved(
+    before_px, after_px, moved, width_px, named
+):
+    accepted = after_px < 0.9 * before_px
+    m = cases.MATCHES._replace(accepted=accepted, before_px=before_px)
+    m = m._replace(after_px=after_px, pose_error_px=3.0 * accepted, lens=None)
+    flows = FAULTS["camera"] | {"moved_fraction": moved, "photo_width_px": width_px}
+    e = WELL._replace(**flows, matches=m)
+    assert cases.named(e) == named
+    if "motion" in named:
+        (told,) = [one for one in causes.find(e) if one.cause.name == "motion"]
+        gauge = report.gauge(told, e)
+        assert gauge["unit"] == "px"
+        assert gauge["measured"].endswith(" px")
+        assert gauge["allowed"] == "up to 0.50"
+        assert "from where any cameras expect them" in told.sentence
 
 
 def test_a_lens_is_held_to_what_right_cameras_leave():

@@ -590,9 +590,9 @@ def test_what_comes_and_goes_is_no_lens_and_no_floater():
     assert [one.cause.name for one in causes.find(e)] == ["transients"]
     assert [one.sure for one in causes.find(e)] == [True]
     # What is only probable spoils nothing, nor does what wrong poses make.
-    e = e._replace(transient_fraction=0.008)
+    e = e._replace(transient_fraction=0.005)
     assert {"transients", "floaters"} < {one.cause.name for one in causes.find(e)}
     wrong = cases.with_lens("focal", focal_ratio=1.02)._replace(lens=None)
-    e = WELL._replace(matches=wrong, transient_fraction=0.014)
+    e = WELL._replace(matches=wrong, transient_fraction=0.006)
     assert "transients" not in {one.cause.name for one in causes.find(e)}
     assert not [one for one in causes.find(WELL._replace(transient_fraction=math.nan))]
