@@ -138,7 +138,7 @@ def of_crops(config, out, whole, cameras, places):
         )
         prepare.write_views(scratch / "new", cut, split=cut.split)
         told |= {"photo_size": [views.width, views.height]}
-        told |= describe_views(cut, crops.size_of(cut), cut.split, config)
+        told |= describe_views(cut, (cut.width, cut.height), cut.split, config)
         # Their cameras are those of the scene, with the error that it was given.
         told["perturb_px"] = perturb_px
         told["time_s"] = round(time.monotonic() - started, 1)

@@ -319,7 +319,7 @@ SHIPPED = {
 # What the system tells of itself; of provenance also the pins of libraries.
 SYSTEM = {
     "alignerf.io.machine": {"read_text"},
-    "alignerf.io.provenance": {"read_bytes", "read_text"},
+    "alignerf.io.provenance": {"read_bytes"},
     "alignerf.training.memory": {"read_text"},
 }
 # What Snakemake and its jobs have said, whatever its bytes are.

@@ -39,8 +39,6 @@ class Capture:
     every_eighth = False
     # Its own files say which views are held out.
     says_split = False
-    # Whose frame and unit of length its own cameras have, for an export.
-    frame = "that of the files that they came in"
 
     def detect(self, folder):
         """Whether a folder is meant to be of this source, complete or not."""

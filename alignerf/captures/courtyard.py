@@ -56,7 +56,6 @@ class CourtyardCapture(base.Capture):
     section = (Courtyard, key(Courtyard, "of source courtyard: the embedded scene"))
     has_truth = True
     has_path = False
-    frame = "the courtyard's, in meters"
 
     def read(self, scene, scratch):
         from alignerf.colmap import loading
@@ -136,9 +135,6 @@ def by_colmap(folder, scratch, true, scene):
     views = views._replace(
         camtoworlds=cameras.apply_similarity(views.camtoworlds, *similarity),
         points=(scale * points @ rotation.T + translation, colours),
-    )
-    told["compared_to_truth"] = truth.compare_cameras(
-        (views.pixtocams, views.camtoworlds), (true.pixtocams, true.camtoworlds)
     )
     return views, told
 

@@ -9,7 +9,6 @@ class Photos(base.Capture):
     what = "folder of photos and films"
     poses = ("colmap",)
     keys = ("background", "masks")
-    frame = "COLMAP's: its unit of length is arbitrary"
 
     def detect_late(self, folder):
         return inner_of(folder) is not None

@@ -138,11 +138,6 @@ def apart(whole: Seen, first, second, px):
     return bool(np.median(away[both]) >= APART * px) if both.any() else True
 
 
-def size_of(views):
-    """(width, height)."""
-    return views.width, views.height
-
-
 class Crops(NamedTuple):
     """Where crops of `px` lie: in which views, and their corners [k, 2], x first."""
 
@@ -245,10 +240,10 @@ def inside_of(views: prepare.PosedViews):
     if views.points is None:
         return None
     points, colours = views.points
-    counts = np.zeros(len(points), int)
+    counts, size = np.zeros(len(points), int), (views.width, views.height)
     for camera in zip(views.pixtocams, views.camtoworlds, strict=True):
         xy, depth = cameras.project(points, *camera)
-        counts += (depth > 0) & ((xy >= 0) & (xy <= size_of(views))).all(axis=-1)
+        counts += (depth > 0) & ((xy >= 0) & (xy <= size)).all(axis=-1)
     return points[counts > 1], colours[counts > 1]
 
 

@@ -34,8 +34,10 @@ def by_colmap(folder, scratch, config, *, camera_model="OPENCV", where=None):
     least = config.colmap.min_registered
     check_registered(model, least, where or folder)
     told = registration(model.names, model.left_out)
-    told |= told_of_points(model) | told_of_photos(model, taken)
-    return views, told | {"models": model.models}, None
+    error_px, errors_px = model.mean_reprojection_error_px, model.errors_px
+    told |= told_of_points(model.names, len(model.points), error_px, errors_px)
+    told |= told_of_photos(model, taken)
+    return views, told | {"models": model.models, "again": model.again}, None
 
 
 def read(config, folder, work_folder, cameras_path=None) -> prepare.PosedViews:
@@ -135,14 +137,18 @@ def registration(names, left_out):
     }
 
 
-def told_of_points(model):
-    """The part about the points of a `structure.Reconstruction`."""
+def told_of_points(names, count, error_px, errors_px):
+    """The part about points: how many, the mean reprojection error, that of each view.
+
+    That of a view that sees none is NaN, and null in the report.
+    """
+    each = zip(names, errors_px, strict=True)
     return {
-        "mean_reprojection_error_px": model.mean_reprojection_error_px,
-        "points": len(model.points),
-        "points_in_3_views": model.points_in_3_views,
-        "reprojection_errors_px": errors_of(model),
-        "again": model.again,
+        "mean_reprojection_error_px": error_px,
+        "points": count,
+        "reprojection_errors_px": {
+            name: None if np.isnan(px) else round(float(px), 4) for name, px in each
+        },
     }
 
 
@@ -156,21 +162,11 @@ def told_of_photos(model, taken):
         lens |= {"centre_px": model.camtopix[i][:2, 2].tolist()}
         lens |= {"distortion": model.distortion[i].tolist()}
         lenses.setdefault(number, lens | {"views": 0})["views"] += 1
-    focals = [taken.camera(k).focal_px for k in range(taken.cameras.max() + 1)]
     return {
         "camera_model": model.camera_model,
         "cameras": list(lenses.values()),
-        "exif_focal_px": focals[0] if len(focals) == 1 else None,
         # Clockwise, until a view stands upright; the others do.
         "quarter_turns": {name: turn for name, turn in turns.items() if turn},
-    }
-
-
-def errors_of(model):
-    """{view: mean reprojection error in px}; None of a view that sees no point."""
-    return {
-        name: None if np.isnan(error) else round(float(error), 4)
-        for name, error in zip(model.names, model.errors_px, strict=True)
     }
 
 

@@ -20,14 +20,6 @@ from alignerf.io import faults, machine, progress
 
 log = logging.getLogger(__name__)
 
-# Camera model -> places of fx, fy, cx, cy and of k1, k2, p1, p2 among its parameters.
-CAMERA_MODELS = {
-    "SIMPLE_PINHOLE": ((0, 0, 1, 2), ()),
-    "PINHOLE": ((0, 1, 2, 3), ()),
-    "SIMPLE_RADIAL": ((0, 0, 1, 2), (3,)),
-    "RADIAL": ((0, 0, 1, 2), (3, 4)),
-    "OPENCV": ((0, 1, 2, 3), (4, 5, 6, 7)),
-}
 # With more photos not all pairs are matched: 150 have 11,175, 300 have 44,850.
 MAX_EXHAUSTIVE = 150
 # Each photo then meets so many that follow it by name, and that look most like it.
@@ -91,10 +83,10 @@ def models_of(
             simple = camera_model == "OPENCV" and len(camera.names) < FEW_OF_A_CAMERA
             reader.camera_model = "SIMPLE_RADIAL" if simple else camera_model
             if camera.focal_px is not None:
-                start = _start_params(
-                    reader.camera_model, camera.focal_px, *camera.size
+                start = pycolmap.Camera.create_from_model_name(
+                    1, reader.camera_model, camera.focal_px, *camera.size
                 )
-                reader.camera_params = start
+                reader.camera_params = ", ".join(map(repr, start.params.tolist()))
             pycolmap.import_images(
                 database,
                 image_folder,
@@ -422,14 +414,6 @@ def pipeline_options(seed):
     # Sums over threads come in any order, and poses would differ by 0.1 px.
     options.num_threads = 1
     return options
-
-
-def _start_params(camera_model, focal_px, width, height):
-    """COLMAP's parameter text: focal length, centre, no distortion."""
-    places, rest = CAMERA_MODELS[camera_model]
-    params = np.zeros(max((*places, *rest)) + 1)
-    params[list(places)] = [focal_px, focal_px, width / 2, height / 2]
-    return ", ".join(repr(float(value)) for value in params)
 
 
 def build_vocabulary(database):

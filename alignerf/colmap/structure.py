@@ -20,8 +20,6 @@ from alignerf.scenes import cameras, distortion, photos, prepare, prepared
 
 log = logging.getLogger(__name__)
 
-CAMERA_MODELS = mapping.CAMERA_MODELS
-
 
 class Reconstruction(NamedTuple):
     """COLMAP's largest model, and the names of the views that it left out."""
@@ -34,8 +32,6 @@ class Reconstruction(NamedTuple):
     mean_reprojection_error_px: float
     points: Float[np.ndarray, "m 3"]
     colours: UInt8[np.ndarray, "m 3"]
-    points_in_3_views: float
-    """Share of the points that three views or more see."""
     models: list[int]
     """Views in each model found, largest first."""
     errors_px: Float[np.ndarray, " n"]
@@ -79,8 +75,6 @@ def estimate_poses(
     kept. Writes into work_folder. Raises ValueError naming `where` when too few views
     register.
     """
-    if camera_model not in CAMERA_MODELS:
-        raise ValueError(f"colmap.camera_model: unknown model {camera_model!r}")
     names = sorted(name for camera in taken_by for name in camera.names)
     photos.check_enough(len(names), where)
     models = mapping.models_of(
@@ -234,7 +228,6 @@ def convert(model, names, *, models=()) -> Reconstruction:
     taken_by = [model.cameras[posed[name].camera_id] for name in kept]
     lenses = [lens(camera.model.name, camera.params) for camera in taken_by]
     points = list(model.points3D.values())
-    tracks = np.array([point.track.length() for point in points])
     return Reconstruction(
         names=kept,
         left_out=sorted(set(names) - set(kept)),
@@ -244,7 +237,6 @@ def convert(model, names, *, models=()) -> Reconstruction:
         mean_reprojection_error_px=float(model.compute_mean_reprojection_error()),
         points=np.array([point.xyz for point in points]).reshape(-1, 3),
         colours=np.array([point.color for point in points], np.uint8).reshape(-1, 3),
-        points_in_3_views=float((tracks >= 3).mean()) if len(tracks) else 0.0,
         models=list(models) or [len(kept)],
         errors_px=np.array([error_px(model, posed[name]) for name in kept]),
         camera_of=[posed[name].camera_id for name in kept],

@@ -193,32 +193,3 @@ def shows_moving(scene: Courtyard, given: prepare.PosedViews, i, margin_px):
         hits = cast_pixels(scene, given, i, displacements)
         shown |= moves[objects[hits.part]].reshape(shown.shape)
     return ndimage.binary_dilation(shown, iterations=margin_px)
-
-
-def compare_cameras(estimated, true):
-    """How far estimated cameras are from the true ones, aligned to them before.
-
-    estimated, true: (pixtocams [n, 3, 3], camtoworlds [n, 3, 4]) in one frame, and of
-    one image size.
-    Relative to the cameras' mean distance from their centre, the mean error of
-    their positions; the mean angle between their orientations; the mean focal
-    length's relative error; and the correlation of all distances between two cameras,
-    which a low reprojection error does not replace: repeated texture has registered
-    every view in a wrong place at 0.7 px.
-    """
-    centres, true_centres = estimated[1][:, :3, 3], true[1][:, :3, 3]
-    extent = np.linalg.norm(true_centres - true_centres.mean(axis=0), axis=-1).mean()
-    error = np.linalg.norm(centres - true_centres, axis=-1).mean()
-    relative = np.einsum("nji,njk->nik", estimated[1][:, :, :3], true[1][:, :, :3])
-    cosine = (np.trace(relative, axis1=1, axis2=2) - 1) / 2
-    focals = [np.linalg.inv(p)[:, 0, 0].mean() for p in (estimated[0], true[0])]
-    pairs = np.triu_indices(len(centres), 1)
-    distances = [
-        np.linalg.norm(c[:, None] - c, axis=-1)[pairs] for c in (centres, true_centres)
-    ]
-    return {
-        "centre_error_relative": float(error / extent),
-        "rotation_error_deg": float(np.degrees(np.arccos(cosine.clip(-1, 1))).mean()),
-        "focal_error_relative": float(focals[0] / focals[1] - 1),
-        "distance_correlation": float(np.corrcoef(*distances)[0, 1]),
-    }

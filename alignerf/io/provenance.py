@@ -8,8 +8,6 @@ import functools
 import hashlib
 import json
 import os
-import platform
-import re
 import shlex
 import subprocess
 from pathlib import Path
@@ -149,15 +147,6 @@ def lock():
     except OSError:
         return None
     return hashlib.sha256(content).hexdigest()[:16]
-
-
-def processor():
-    """The name of this machine's processor."""
-    try:
-        named = re.search(r"model name\s*: (.+)", Path("/proc/cpuinfo").read_text())
-    except (OSError, UnicodeDecodeError):
-        named = None
-    return named[1].strip() if named else platform.processor() or platform.machine()
 
 
 def of_training(path):

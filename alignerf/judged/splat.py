@@ -32,6 +32,7 @@ from alignerf.io import (
 from alignerf.judged import camera_files, gsplat, likeness, originals
 from alignerf.readers import shots
 from alignerf.readers.programs import reading
+from alignerf.scenes import cameras as scene_cameras
 from alignerf.scenes import distortion, photo_names, photos, prepare
 from alignerf.splats import ply, rasterize
 
@@ -340,18 +341,9 @@ def similarity(own, theirs):
         return None
     poses = np.stack([paths[path] for path in pairs.values()])
     to = np.stack([their[name] for name in pairs])
-    left, _, right = np.linalg.svd(
-        np.einsum("nij,nkj->ik", to[..., :3], poses[..., :3])
-    )
-    turn = left @ np.diag([1, 1, np.linalg.det(left @ right)]) @ right
-    (middle, spread), (to_middle, to_spread) = (
-        (at.mean(0), np.sqrt(at.var(0).sum())) for at in (poses[..., 3], to[..., 3])
-    )
-    if not (spread > 0 and to_spread > 0):
-        return None
+    scale, turn, shift = scene_cameras.align_similarity(poses, to)
     world = np.eye(4)
-    world[:3, :3] = to_spread / spread * turn
-    world[:3, 3] = to_middle - world[:3, :3] @ middle
+    world[:3] = np.column_stack([scale * turn, shift])
     return world
 
 

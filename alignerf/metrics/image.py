@@ -86,11 +86,6 @@ def _lpips(net, path):
     return metric
 
 
-def detail(image):
-    """Root mean square of the luminance's Laplacian, after a small blur."""
-    return float(np.sqrt(np.mean(cv2.Laplacian(smooth(image), cv2.CV_32F) ** 2)))
-
-
 def smooth(image):
     """The luminance [h, w] float32, slightly blurred."""
     grey = cv2.cvtColor(np.ascontiguousarray(image), cv2.COLOR_RGB2GRAY)

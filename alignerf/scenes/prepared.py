@@ -35,7 +35,6 @@ MORE = {
     **dict.fromkeys(("again", "external_renders"), OrNone(dict)),
     # {view: how many, clockwise, make it stand upright}.
     "quarter_turns": OrNone({str: json_files.one_of(0, 1, 2, 3)}),
-    "points_in_3_views": OrNone(NUMBER),
     "downscale_decided": OrNone(bool),
     "left_out": OrNone([str]),
     "photo_size": OrNone(json_files.list_of(2, json_files.positive)),

@@ -62,7 +62,6 @@ class Points(NamedTuple):
     colours: UInt8[np.ndarray, "m 3"]
     seen: list[np.ndarray]
     reprojection_px: Float[np.ndarray, " n"]
-    in_3_views: float
 
     def of_view(self, view, most=400):
         """Positions of up to `most` points that a view sees, spread over all."""
@@ -484,13 +483,11 @@ def points_of(model, matches: Matches) -> Points:
                 [ids[p.point3D_id] for p in image.points2D if p.has_point3D()], int
             )
             errors[view] = structure.error_px(model, image)
-    tracks = np.array([point.track.length() for point in points])
     return Points(
         positions=np.array([point.xyz for point in points]).reshape(-1, 3),
         colours=np.array([point.color for point in points], np.uint8).reshape(-1, 3),
         seen=seen,
         reprojection_px=errors,
-        in_3_views=float((tracks >= 3).mean()) if len(tracks) else 0.0,
     )
 
 

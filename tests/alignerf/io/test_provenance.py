@@ -126,10 +126,6 @@ def test_a_config_that_is_none_is_named(tmp_path, text):
     assert "\n" not in str(told.value)
 
 
-def test_the_processor_has_a_name():
-    assert provenance.processor().strip()
-
-
 def test_variables_that_may_change_a_digit_are_noted():
     environ = {"OPENCV_IPP": "disabled", "XLA_FLAGS": "--a=1 --b", "HOME": "/home/me"}
     told = provenance.environment(environ)

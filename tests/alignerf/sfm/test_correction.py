@@ -171,7 +171,6 @@ def test_cameras_that_see_no_point_have_no_reprojection_error(rng):
         np.zeros((0, 3), np.uint8),
         [np.zeros(0, int)] * 12,
         np.full(12, np.nan),
-        0.0,
     )
     found = bundle.Adjusted(true, points, [], [], None)
     told, _ = correction.difference(list("abcdefghijkl"), true, found, 1.0)

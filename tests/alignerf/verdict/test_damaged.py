@@ -52,7 +52,7 @@ def read_verdict(folder):
 
 
 POSES = """{
-"registered": 8, "total": 9, "left_out": ["a"], "points_in_3_views": 0.9,
+"registered": 8, "total": 9, "left_out": ["a"],
 "mean_reprojection_error_px": 0.5, "photo_size": [160, 120], "source": "photos",
 "width": 80, "height": 60, "photo_width": 160, "photo_height": 120, "downscale": 2,
 "perturb_px": 1.5, "perturb_by": "rotation", "poses": "adjusted", "photos_alone": "p",
@@ -87,7 +87,7 @@ def read_poses(folder):
         return names, readme.of_cameras(args, chosen, poses, paid=True)
 
     yield from (judged, written)
-    yield lambda: facts.pose_facts(folder / "poses.json")
+    yield lambda: facts.photo_facts(folder)
     yield lambda: (export.is_accepted(folder), export.is_synthetic(folder))
 
 
