@@ -2,8 +2,6 @@
 
 import argparse
 import importlib
-import json
-import math
 import os
 import subprocess
 import sys
@@ -15,19 +13,11 @@ import pandas as pd
 import pytest
 import yaml
 
-from alignerf.experiment import check, jobs, schema
+from alignerf.experiment import check, schema
 from alignerf.scenes import cameras
 from alignerf.systems import mipnerf360
 from alignerf.training import compose
-from tools.bench import (
-    cases,
-    in_loop,
-    in_loop_tables,
-    measure,
-    multinerf,
-    reproduction,
-    theirs,
-)
+from tools.bench import cases, measure, multinerf, reproduction, theirs
 
 
 def test_it_writes_finite_figures_with_the_hardware(root, tmp_path):
@@ -149,50 +139,6 @@ def test_every_benchmark_is_importable(root):
     for path in sorted((root / "tools/bench").glob("*.py")):
         if path.stem not in ("__init__", "conftest"):
             importlib.import_module(f"tools.bench.{path.stem}")
-
-
-def test_gains_in_loop_are_over_plain_training_of_as_many_steps():
-    """Twice the steps take twice the time and bring 2 dB; alignment takes half more."""
-    scores = {"plain": (20.0, 22.0), "aligned": (25.0, 27.0)}
-    rows = [
-        {"scene": "a", "seed": seed, "share": share, "method": method, "view": view}
-        | dict.fromkeys(("oracle_db", "fitted_db", "standard_db"), db + seed + 0.1 * n)
-        | {"fair_db": math.nan, "detail": 1.0, "align_s": 0.0}
-        | {"train_s": 10 * share * (1.5 if method == "aligned" else 1.0)}
-        | {"given_px": 1.5, "after_px": 0.5}
-        for method, both in scores.items()
-        for share, db in zip((1.0, 2.0), both, strict=True)
-        for seed in (0, 2)
-        for n, view in enumerate("abcdef")
-    ]
-    table = in_loop_tables.table_of(pd.DataFrame(rows)).set_index(["share", "method"])
-    assert table.loc[(1.0, "aligned"), "gain_db"] == pytest.approx(5)
-    assert table.loc[(1.0, "aligned"), "fitted_db"] == pytest.approx(5)
-    assert table.loc[(2.0, "aligned"), "time_ratio"] == pytest.approx(1.5)
-    # In 20 s a plain training of twice the steps has 22 dB, an aligned one is between.
-    assert 3 < table.loc[(2.0, "aligned"), "equal_db"] < 5
-    assert math.isnan(table.loc[(1.0, "plain"), "gain_db"])
-    named = pd.DataFrame(rows).replace({"scene": {"a": "both_wrong"}})
-    longer, aligned = in_loop_tables.answer_of(named).to_dict("records")
-    assert longer["remedy"] == "plain training, twice as long"
-    assert longer["both_steps_db"] == pytest.approx(2)
-    assert aligned["remedy"] == "aligned in the loop"
-    assert aligned["both_steps_db"] == pytest.approx(5)
-    assert aligned["both_2_db"] == table.loc[(2.0, "aligned"), "equal_db"]
-    assert math.isnan(aligned["nothing_1_db"])
-    # The seconds of quiet trainings are those of all seeds; a look's do not grow.
-    quiet = named[named["seed"] == 0].assign(scene="poses_only")
-    timed = in_loop_tables.timed(named, quiet.assign(train_s=7.0, align_s=2.0))
-    assert set(timed["train_s"]) == {7.0, 12.0}
-
-
-def test_jobs_of_remedies_are_those_of_the_config(root):
-    """Of a method, and of none: plain training by true cameras."""
-    config = root / "workflow/config/evidence/remedies.yaml"
-    found = [in_loop.job_of(config, "x_seed3", 0.5, m) for m in ("auto", "true")]
-    auto, true = (jobs.parse(json.loads(one)) for one in found)
-    assert (auto.seed, auto.steps, auto.own) == (3, 1000, "auto")
-    assert (true.own, true.steps) == (None, 1000)
 
 
 def test_gains_are_of_as_many_steps_and_of_as_many_seconds():
