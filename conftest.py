@@ -167,7 +167,7 @@ def photos_of_tables(tmp_path, monkeypatch):
     data = tmp_path / "data"
     for name in ("scenes/flower", "scenes/treehill/images", "scenes/fox", "weights"):
         (data / name).mkdir(parents=True)
-    for name in ("vgg19_block1", "lpips_alex_v0.1", "lpips_squeeze_v0.1"):
+    for name in ("vgg19_block1", "lpips_alex_v0.1"):
         (data / "weights" / f"{name}.npz").touch()
     monkeypatch.setenv("ALIGNERF_DATA", str(data))
 

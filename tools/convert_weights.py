@@ -4,9 +4,8 @@
     python -m tools.convert_weights WHAT --out FILE
 
 WHAT is `frequency` (VGG-19's first block, for the config's `frequency_weights`) or
-`lpips_alex`, `lpips_squeeze`, `lpips_vgg` (for its `lpips`). The files of torchvision
-and LPIPS v0.1 are fetched by PyTorch (frequency: 548 MB, alex 233, squeeze 5, vgg 528)
-and checked by SHA-256.
+`lpips_alex`, `lpips_vgg` (for its `lpips`). The files of torchvision and LPIPS v0.1 are
+fetched by PyTorch (frequency: 548 MB, alex 233, vgg 528) and checked by SHA-256.
 """
 
 import argparse
@@ -34,10 +33,6 @@ BACKBONES = {
         f"{TORCHVISION}/alexnet-owt-7be5be79.pth",
         "7be5be791159472b1fbf3c69796f7cb30dca7ad8466c2df70058c37116cdee02",
     ),
-    "lpips_squeeze": (
-        f"{TORCHVISION}/squeezenet1_1-b8a52dc0.pth",
-        "b8a52dc049b60e4b6ab68ad0df457362afab8b6304b2febdc1650a5dab4d7e7b",
-    ),
     "lpips_vgg": (
         f"{TORCHVISION}/vgg16-397923af.pth",
         "397923af8e79cdbb6a7127f12361acd7a2f83e06b05044ddf496e83de57a5bf0",
@@ -48,10 +43,6 @@ HEADS = {
         f"{LPIPS}/alex.pth",
         "df73285e35b22355a2df87cdb6b70b343713b667eddbda73e1977e0c860835c0",
     ),
-    "lpips_squeeze": (
-        f"{LPIPS}/squeeze.pth",
-        "4a5350f23600cb79923ce65bb07cbf57dca461329894153e05a1346bd531cf76",
-    ),
     "lpips_vgg": (
         f"{LPIPS}/vgg.pth",
         "a78928a0af1e5f0fcb1f3b9e8f8c3a2a5a3de244d830ad5c1feddc79b8432868",
@@ -61,14 +52,6 @@ HEADS = {
 PLACES = {
     "frequency": (0, 2),
     "lpips_alex": (0, 3, 6, 8, 10),
-    "lpips_squeeze": (
-        "0",
-        *(
-            f"{place}.{part}"
-            for place in (3, 4, 6, 7, 9, 10, 11, 12)
-            for part in ("squeeze", "expand1x1", "expand3x3")
-        ),
-    ),
     "lpips_vgg": (0, 2, 5, 7, 10, 12, 14, 17, 19, 21, 24, 26, 28),
 }
 # Of ImageNet's training photos, in [0, 1]: what torchvision's VGG-19 was trained on.

@@ -9,30 +9,24 @@ from alignerf.metrics import lpips
 from alignerf.networks import backbones, convnet
 from tools import convert_weights
 
-FIRES = dict(zip(range(2, 10), (3, 4, 6, 7, 9, 10, 11, 12), strict=True))
 VGG19 = {"conv1_1": "features.0", "conv1_2": "features.2"}
+ALEX = dict(zip(backbones.ALEX, (0, 3, 6, 8, 10), strict=True))
+PLACES = VGG19 | {layer: f"features.{place}" for layer, place in ALEX.items()}
 
 
-def place_of(name):
-    """torchvision's name of a layer of SqueezeNet 1.1, and of VGG-19's first block."""
-    if fire := re.fullmatch(r"fire(\d)_(\w+)", name):
-        return f"features.{FIRES[int(fire[1])]}.{fire[2]}"
-    return VGG19.get(name, "features.0")
-
-
-@pytest.mark.parametrize("what", ["frequency", "lpips_squeeze"])
+@pytest.mark.parametrize("what", ["frequency", "lpips_alex"])
 def test_layers_come_from_their_places(what, tmp_path, rng, monkeypatch):
     shapes = convnet.vgg19_shapes()
     if what != "frequency":
-        shapes = backbones.shapes("squeeze")
+        shapes = backbones.shapes("alex")
     arrays = {name: rng.normal(size=size).astype("f4") for name, size in shapes.items()}
     state, heads = {}, {}
     for name, array in arrays.items():
         layer, _, part = name.rpartition("_")
         if part == "w":
-            state[f"{place_of(layer)}.weight"] = array.transpose(3, 2, 0, 1)
+            state[f"{PLACES[layer]}.weight"] = array.transpose(3, 2, 0, 1)
         elif part == "b":
-            state[f"{place_of(layer)}.bias"] = array
+            state[f"{PLACES[layer]}.bias"] = array
         elif name.startswith("lin"):
             heads[f"{name}.model.1.weight"] = array.reshape(1, -1, 1, 1)
     files = {convert_weights.BACKBONES[what]: state}
@@ -47,7 +41,7 @@ def test_layers_come_from_their_places(what, tmp_path, rng, monkeypatch):
     if what == "frequency":
         assert convnet.vgg19_features(path)(np.zeros((1, 8, 8, 3))).shape[-1] == 64
     else:
-        assert lpips.read("squeeze", path).keys() == arrays.keys()
+        assert lpips.read("alex", path).keys() == arrays.keys()
 
 
 def test_mean_and_deviation_are_those_of_the_real_weights(shared_data):

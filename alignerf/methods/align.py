@@ -48,7 +48,7 @@ class Align(Keys):
         least=0,
         most=100,
     )
-    estimator: Literal[estimators.FAST] = key(
+    estimator: Literal[estimators.EVERY] = key(
         "deepflow", "optical flow, see `flow.estimator`"
     )
     match_blur: bool = key(

@@ -22,7 +22,7 @@ SCALE = np.array([[[[0.458, 0.448, 0.450]]]], np.float32)
 
 
 def read(net, path):
-    """Weights of `alex`, `squeeze` or `vgg` from an .npz; ValueError names the file."""
+    """Weights of `alex` or `vgg` from an .npz; ValueError names the file."""
     return convnet.read_weights(path, backbones.shapes(net))
 
 

@@ -1,4 +1,4 @@
-"""The networks that LPIPS compares images in: AlexNet, SqueezeNet 1.1 and VGG-16.
+"""The networks that LPIPS compares images in: AlexNet and VGG-16.
 
 Notation: a layer is (kernel's side, channels in, channels out); a tap is a layer's
 output [n, h, w, c] that LPIPS looks at.
@@ -8,8 +8,6 @@ import functools
 from collections.abc import Callable
 from typing import NamedTuple
 
-import jax.numpy as jnp
-
 from alignerf.networks import convnet
 
 ALEX = {
@@ -18,26 +16,6 @@ ALEX = {
     "conv3": (3, 192, 384),
     "conv4": (3, 384, 256),
     "conv5": (3, 256, 256),
-}
-# Channels in, squeezed, and of each of the two expansions, of SqueezeNet 1.1.
-FIRES = {
-    "fire2": (64, 16, 64),
-    "fire3": (128, 16, 64),
-    "fire4": (128, 32, 128),
-    "fire5": (256, 32, 128),
-    "fire6": (256, 48, 192),
-    "fire7": (384, 48, 192),
-    "fire8": (384, 64, 256),
-    "fire9": (512, 64, 256),
-}
-SQUEEZE = {"conv1": (3, 3, 64)} | {
-    f"{fire}_{part}": sizes
-    for fire, (c, squeezed, out) in FIRES.items()
-    for part, sizes in {
-        "squeeze": (1, c, squeezed),
-        "expand1x1": (1, squeezed, out),
-        "expand3x3": (3, squeezed, out),
-    }.items()
 }
 VGG = {
     "conv1_1": (3, 3, 64),
@@ -66,18 +44,6 @@ def alex_taps(weights, x):
     yield layer(x, name="conv5", padding=1)
 
 
-def squeeze_taps(weights, x):
-    """relu1 of SqueezeNet 1.1, fire3, fire5 (before the pooling), fire6 to fire9."""
-    yield (x := convnet.layer(x, weights, "conv1", stride=2))
-    for fires in (("fire2", "fire3"), ("fire4", "fire5"), ("fire6",)):
-        x = convnet.max_pool(x, ceil=True)
-        for fire in fires:
-            x = _fire(weights, x, fire)
-        yield x
-    for fire in ("fire7", "fire8", "fire9"):
-        yield (x := _fire(weights, x, fire))
-
-
 def vgg_taps(weights, x):
     """relu1_2, 2_2, 3_3, 4_3 and 5_3 of VGG-16."""
     for name in VGG:
@@ -86,13 +52,6 @@ def vgg_taps(weights, x):
             x = convnet.max_pool(x, size=2)
         x = convnet.layer(x, weights, name, padding=1)
     yield x
-
-
-def _fire(weights, x, name):
-    x = convnet.layer(x, weights, f"{name}_squeeze")
-    ones = convnet.layer(x, weights, f"{name}_expand1x1")
-    threes = convnet.layer(x, weights, f"{name}_expand3x3", padding=1)
-    return jnp.concatenate([ones, threes], axis=-1)
 
 
 class Net(NamedTuple):
@@ -106,7 +65,6 @@ class Net(NamedTuple):
 
 NETS = {
     "alex": Net(ALEX, alex_taps, (64, 192, 384, 256, 256), 31),
-    "squeeze": Net(SQUEEZE, squeeze_taps, (64, 128, 256, 384, 384, 512, 512), 17),
     "vgg": Net(VGG, vgg_taps, (64, 128, 256, 512, 512), 16),
 }
 

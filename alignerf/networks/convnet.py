@@ -36,17 +36,10 @@ def layer(x, weights, name, **options):
     return jax.nn.relu(x + weights[f"{name}_b"][None, None, None])
 
 
-def max_pool(x, *, size=3, stride=2, ceil=False):
-    """Maximum over windows that lie inside the image, or, with `ceil`, begin in it."""
-    beyond = [-(n - size) % stride if ceil else 0 for n in x.shape[1:3]]
-    return jax.lax.reduce_window(
-        x,
-        -jnp.inf,
-        jax.lax.max,
-        (1, size, size, 1),
-        (1, stride, stride, 1),
-        [(0, 0), *((0, n) for n in beyond), (0, 0)],
-    )
+def max_pool(x, *, size=3, stride=2):
+    """Maximum over windows that lie inside the image."""
+    window, strides = (1, size, size, 1), (1, stride, stride, 1)
+    return jax.lax.reduce_window(x, -jnp.inf, jax.lax.max, window, strides, "VALID")
 
 
 def layer_shapes(layers):

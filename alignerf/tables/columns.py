@@ -46,7 +46,6 @@ METRICS = {
     "psnr_db": True,
     "ssim": True,
     "lpips_alex": False,
-    "lpips_squeeze": False,
     "lpips_vgg": False,
 }
 NETWORKS = [name for name in METRICS if name.startswith("lpips")]

@@ -27,7 +27,7 @@ def estimate(render, photo, *, method=DEFAULT, match_blur=False):
     smallest. method: a key of METHODS. match_blur: blur the photo as the render is
     before the flow (see `blur_match`). Identical images give exactly zero. Raises
     ValueError where the images are no such pair, and where the method has no finite
-    answer (SimpleFlow on flat parts).
+    answer.
     """
     _check(render, photo, method)
     if match_blur:
@@ -59,8 +59,7 @@ def check_pair(render, photo):
 
 
 def _calculate(render, photo, method):
-    # Of all estimators Farneback alone finds motion between equal images, up to
-    # 0.15 px near borders; for the others this only saves the time.
+    # This saves the time.
     if np.array_equal(render, photo):
         return np.zeros((*render.shape[:2], 2), np.float32)
     try:
@@ -74,9 +73,6 @@ def _calculate(render, photo, method):
 
 
 def _check(render, photo, method):
-    if method in estimators.LEFT_OUT:
-        reason = estimators.LEFT_OUT[method]
-        raise ValueError(f"flow method {method!r} is left out: {reason}")
     if method not in METHODS:
         raise ValueError(f"flow method {method!r} is not one of {', '.join(METHODS)}")
     check_pair(render, photo)

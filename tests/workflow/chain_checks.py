@@ -129,7 +129,7 @@ def check_metrics(scene):
         assert [(row["view"], row["test_set"]) for row in rows] == wanted
         for row in rows:
             assert row["lpips_alex"] == ""
-            assert "lpips_squeeze, lpips_vgg: no weights given" in row["note"]
+            assert "lpips_vgg: no weights given" in row["note"]
             whole = row["test_set"] in ("standard", "control", "placebo", "oracle")
             assert float(row["valid_fraction"]) <= 1
             assert not whole or float(row["valid_fraction"]) == 1

@@ -151,7 +151,7 @@ def test_every_config_can_be_planned(path, tmp_path, dry_run):
     # One of the seeds and lengths stands for all.
     config.pop("vary", None)
     config["frequency_weights"] = "weights.npz"
-    config["lpips"] = {"alex": "weights.npz", "squeeze": None}
+    config["lpips"] = {"alex": "weights.npz", "vgg": None}
     written = write(tmp_path, config)
     code, output = dry_run(tmp_path, "--configfile", written, "-n")
     assert code == 0, output

@@ -32,7 +32,6 @@ class AlignedPose(Keys):
 
 class Lpips(Keys):
     alex: PATH | None = key(None, "AlexNet")
-    squeeze: PATH | None = key(None, "SqueezeNet 1.1")
     vgg: PATH | None = key(None, "VGG-16")
 
 

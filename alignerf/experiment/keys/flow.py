@@ -7,7 +7,7 @@ from alignerf.experiment.keys.key import PATH, Keys, key
 
 
 class Flow(Keys):
-    estimator: Literal[estimators.EVERY] = key(
+    estimator: Literal[(*estimators.EVERY, "files")] = key(
         "deepflow",
         "optical flow, see flow/estimation/estimators.py; files reads flows made "
         "elsewhere from `folder`",
@@ -22,7 +22,7 @@ class Flow(Keys):
     match_blur: bool = key(
         True, "blur the photo like the render, for the estimate only"
     )
-    blur_by: Literal[estimators.FAST] | None = key(
+    blur_by: Literal[estimators.EVERY] | None = key(
         None,
         "estimator by which that blur is found; null: the same; a fast one finds the "
         "same blur in a third of the time",

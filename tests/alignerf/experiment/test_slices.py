@@ -176,11 +176,11 @@ def test_the_default_kind_of_pose_error_changes_no_job(demo, experiment_of):
 def test_the_weights_of_lpips_reach_the_command(demo, tmp_path, experiment_of):
     (tmp_path / "my weights.npz").touch()
     path = str(tmp_path / "my weights.npz")
-    demo["lpips"] = {"vgg": path, "squeeze": None}
+    demo["lpips"] = {"vgg": path, "alex": None}
     job = {"training": "mipnerf360/round0", "moved": ""}
     found = cases.options("evaluate", experiment_of(demo), "courtyard", **job)
     assert found["lpips-vgg"] == path
-    assert "lpips-squeeze" not in found
+    assert "lpips-alex" not in found
     job["moved"] = "_aligned_pose"
     found = cases.options("evaluate", experiment_of(demo), "courtyard", **job)
     assert "lpips-vgg" not in found
