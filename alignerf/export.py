@@ -51,7 +51,6 @@ OPTIONS = {
     "[cameras]": "cameras.npz (default: the scene's)",
     "[warped]": "folder of warped photos of training views",
     "[valid]": "folder of <view>.npz: valid pixels, and the flow that warped",
-    "[kernel]": ("of warps", {"choices": warps.KERNELS, "default": "lanczos"}),
     "[fit-held-out]": (
         "folders of test views: their cameras are fitted to their photos",
         {"nargs": 2, "metavar": ("FLOW", "DEPTH")},
@@ -143,7 +142,7 @@ def choose(args, config, work) -> Chosen:
             args.valid,
         )
     if args.warped and full and known:
-        views = warps.at_full_size(views, args.valid, args.kernel)
+        views = warps.at_full_size(views, args.valid)
     elif args.warped:
         views = warps.as_trained(views, loaded, args.warped, args.valid)
     given, now = prepared.read_cameras(own), prepared.read_cameras(path)

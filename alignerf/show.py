@@ -63,7 +63,7 @@ def pivot(table):
     psnr = psnr.reindex(costs.index)[list(dict.fromkeys(table["test_set"]))]
     psnr.columns = [f"{name} dB" for name in psnr.columns]
     cost = costs[["train_time_s", "total_time_s", "params"]]
-    # Published rows have none.
+    # Finished renders have none.
     cost = cost.map(lambda value: scores.shown(value, ".0f"))
     return psnr.join(cost)
 

@@ -42,9 +42,7 @@ class Table(NamedTuple):
 
 
 TABLES = {
-    "misalignment": Table(
-        misalignment.make_table, misalignment.to_latex, printed=misalignment.printed
-    ),
+    "misalignment": Table(misalignment.make_table, misalignment.to_latex),
     "controls": Table(controls.make_table, controls.to_latex),
     "displacement": Table(displacement.make_table, displacement.to_latex),
     "ranking": Table(ranking.make_table, ranking.to_latex),
@@ -65,7 +63,6 @@ OPTIONS = {
     "[results]": ("where they lie", Path("results")),
     "[configs]": ("YAML: their complete ones", {"nargs": "*", "default": []}),
     "[published]": ("CSV, as printed", {"nargs": "*", "default": []}),
-    "[called]": "what papers call the scene",
     "[published-table]": ("which of the paper's tables", int),
     "out": "the table without its ending, written",
 }

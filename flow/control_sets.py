@@ -94,7 +94,7 @@ class View:
     """A view, and the flows and images that its control sets are drawn from.
 
     Images are [h, w, 3] uint8, flows [h, w, 2] from render to photo in pixels.
-    kernel: of warps; tolerance_px: of what is valid; options: method, match_blur,
+    tolerance_px: of what is valid; options: method, match_blur,
     blur_by, of all flows.
     """
 
@@ -106,21 +106,20 @@ class View:
         flow_px,
         oracle=None,
         *,
-        kernel="lanczos",
         tolerance_px=1.0,
         **options,
     ):
         self.name, self.render, self.photo, self.flow_px = name, render, photo, flow_px
-        self.oracle, self.kernel, self.tolerance_px = oracle, kernel, tolerance_px
+        self.oracle, self.tolerance_px = oracle, tolerance_px
         self.options = options
 
     def warp(self, image, flow_px):
         """An image warped by a flow."""
-        return warp.warp(image, flow_px, kernel=self.kernel)
+        return warp.warp(image, flow_px)
 
     def round_trip(self):
         """The photo warped by its flow, and back by the flow's inverse."""
-        return warp.round_trip(self.photo, self.flow_px, kernel=self.kernel)
+        return warp.round_trip(self.photo, self.flow_px)
 
     def placebo_px(self):
         """A flow that aligns nothing."""

@@ -29,7 +29,6 @@ ALIGNERF = {
     "patch_px": 12,
     "convolution": True,
     "features": 4,
-    "error": "squared",
     "radius_px": 2,
     "align_penalty": 0.01,
     "frequency_weight": 0.05,

@@ -66,7 +66,7 @@ def test_a_wheel_holds_every_module_and_all_that_lies_beside(root, wheel):
         for path in (root / package).rglob("*")
         if path.is_file() and "__pycache__" not in path.parts
     ]
-    beside = [*BESIDE, *(f"{PUBLISHED}/{name}.csv" for name in ("scenes", "tables"))]
+    beside = [*BESIDE, f"{PUBLISHED}/tables.csv"]
     beside += [
         path.relative_to(root).as_posix()
         for folder in FOLDERS

@@ -95,7 +95,7 @@ def aligned_loss(method, learning=True, count=3, **settings):
 
 def alignerf(outputs=6, patches=2, radius_px=3, convolution=True, **options):
     """Its patches, and `patch_losses.Losses` with other options."""
-    settings = {"error": "squared", "align_penalty": 0.01, "frequency_weight": 0.05}
+    settings = {"align_penalty": 0.01, "frequency_weight": 0.05}
     return methods.alignerf(
         tiny_model(outputs=outputs),
         drawn=batches.Patches(patches, 12, radius_px),

@@ -58,7 +58,7 @@ def moving(fit: camera_fit.Fit):
     return is_clear[regions]
 
 
-def warped(views: batches.Views, offsets_px, valid, k, *, kernel="lanczos"):
+def warped(views: batches.Views, offsets_px, valid, k):
     """The views with their photos warped by offsets, and the pixels that then count."""
     n, h, w, _ = views.photos.shape
     photos = prepared.empty_images((n, h, w, 3))
@@ -68,7 +68,7 @@ def warped(views: batches.Views, offsets_px, valid, k, *, kernel="lanczos"):
             photos[i] = views.photos[i]
             return views.valid[i]
         flow_px = small.enlarge(offsets_px[i], k, (h, w))
-        photos[i] = warp.warp(views.photos[i], flow_px, kernel=kernel)
+        photos[i] = warp.warp(views.photos[i], flow_px)
         counts = batches.unpack_valid(views.valid[i], w)
         inside = small.enlarge_mask(valid[i], k, (h, w)) & warp.in_frame(flow_px)
         if not counts.all():

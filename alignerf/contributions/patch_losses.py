@@ -8,19 +8,17 @@ import jax.numpy as jnp
 
 from alignerf.contributions import align_loss, frequency_loss
 from alignerf.methods import base
-from alignerf.mipnerf360 import losses
 from alignerf.networks import convnet
 
 
 class Losses(NamedTuple):
     """How a rendered patch is compared with the photo around it.
 
-    error: `squared` (as printed) or `charbonnier` (the baseline's), of the render and
-    the photo patch that fits it best (Eq. 4). A patch without more photo around it is
-    compared where its rays are. frequency_weights: file of VGG-19, else the bank.
+    By the squared error of the render and the photo patch that fits it best (Eq. 4). A
+    patch without more photo around it is compared where its rays are.
+    frequency_weights: file of VGG-19, else the bank.
     """
 
-    error: str
     align_penalty: float
     frequency_weight: float
     frequency_weights: str | None = None
@@ -36,9 +34,6 @@ class Losses(NamedTuple):
         )
         shown = {"mse": jnp.mean((patch - rgb) ** 2), "offset_px": jnp.mean(length_px)}
         terms = {"data": squared}
-        if self.error != "squared":
-            rays = (x.reshape(-1, x.shape[-1]) for x in (rgb, patch))
-            terms["data"] = losses.charbonnier(*rays, jnp.ones(patch[..., 0].size))
         if self.frequency_weight:
             features = features_of(self.frequency_weights)
             frequency = frequency_loss.frequency_loss(features, patch, rgb)

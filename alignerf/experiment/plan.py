@@ -276,7 +276,7 @@ def scene_config(experiment, name):
     """What the poses of a scene depend on: not how long it is trained."""
     scene = experiment.scenes[name]
     capture = experiment.capture(name)
-    unused = {"steps", "budget_min", "published"} | scene.foreign
+    unused = {"steps", "budget_min"} | scene.foreign
     if scene.poses == "truth" and not scene.triangulate:
         unused.add("colmap")
     # Where a `false` changes what is done, the stage has to be told.

@@ -59,7 +59,6 @@ def flow_options(experiment):
     return {
         "match_blur": flow.match_blur,
         "no_match_blur": not flow.match_blur,
-        "kernel": flow.kernel,
         "tolerance_px": flow.tolerance_px,
         "method": None if flow.estimator == "files" else flow.estimator,
         "blur_by": flow.blur_by,

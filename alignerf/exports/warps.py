@@ -17,18 +17,16 @@ from alignerf.io import archives, images
 from alignerf.scenes import prepare, prepared
 from flow.warping import small, warp
 
-KERNELS = tuple(warp.KERNELS)
 # What a file of valid pixels has besides, where it can say how its photo was warped: a
 # flow, or offsets of an image made smaller by `shrink` (see alignerf.alignment).
 FLOW, OFFSETS = ("flow_px",), ("offsets_px", "shrink")
 
 
 class Warp(NamedTuple):
-    """How a photo is warped: path of <view>.npz, (H, W), kernel as of `warp.warp`."""
+    """How a photo is warped: path of <view>.npz, (H, W)."""
 
     path: Path
     size: tuple[int, int]
-    kernel: str
 
     def flow_px(self, size):
         """The flow [h, w, 2] of the training's size (h, w)."""
@@ -50,7 +48,7 @@ class Warp(NamedTuple):
     def photo(self, image):
         """The photo [H, W, 3], warped."""
         flow_px, _ = self.large()
-        return warp.warp(image, flow_px, kernel=self.kernel)
+        return warp.warp(image, flow_px)
 
     def mask(self, image):
         """The mask [H, W, 3] of the warped photo; image: the photo's own mask."""
@@ -90,7 +88,7 @@ def are_known(names, valid):
     )
 
 
-def at_full_size(views: prepare.PosedViews, valid, kernel) -> prepare.PosedViews:
+def at_full_size(views: prepare.PosedViews, valid) -> prepare.PosedViews:
     """The views with the photos and masks of training views warped.
 
     valid: a folder of <view>.npz for which `are_known` holds.
@@ -98,7 +96,7 @@ def at_full_size(views: prepare.PosedViews, valid, kernel) -> prepare.PosedViews
     size = views.height, views.width
     photos, masks = list(views.photos), list(views.masks or all_masks(views))
     for i in np.flatnonzero(views.split == "train"):
-        one = Warp(Path(valid) / f"{views.names[i]}.npz", size, kernel)
+        one = Warp(Path(valid) / f"{views.names[i]}.npz", size)
         photos[i] = photos[i].then(one.photo)
         masks[i] = masks[i].then(one.mask)
     return views._replace(photos=photos, masks=masks)

@@ -31,7 +31,7 @@ class Common(Keys):
     changes: Literal["photos", "cameras"] = key(
         "photos",
         "what a round fixes by the flow: photos are warped, as in the paper, or "
-        "training cameras are corrected; with alignerf, before fine-tuning",
+        "training cameras are corrected",
     )
 
 

@@ -1,6 +1,6 @@
 """Staged: AligNeRF pre-trains as a plain method does, then fine-tunes by patches.
 
-Methods of a model share the pre-training. Between the stages cameras may be corrected.
+Methods of a model share the pre-training.
 """
 
 from typing import ClassVar, Literal
@@ -28,11 +28,6 @@ class AligNeRF(Keys):
         True, "contribution 1, patch convolution; false shows the model's colors"
     )
     features: int = key(16, "N of the patch convolution", least=3, most=1024)
-    error: Literal["squared", "charbonnier"] = key(
-        "squared",
-        "of the render and what it was matched with: squared (as printed), or "
-        "charbonnier (the baseline's)",
-    )
     radius_px: int = key(
         8, "largest offset searched; 0 searches none", least=0, most=64
     )
@@ -106,7 +101,7 @@ class Staged(base.Method):
 
     key, Keys, order = "alignerf", AligNeRF, 2
     what = "staged training with the three contributions"
-    beside = (*base.Method.beside, "changes", "adjust")
+    beside = (*base.Method.beside, "adjust")
     systems = ("mipnerf360",)
     jobs = (Pretrain, Finetune)
 
@@ -128,8 +123,6 @@ class Staged(base.Method):
         # No model's name has a point.
         folder = f"pretrain/{method.model}{'.adjusted' * bool(more)}"
         pretrained = once(trainings.from_photos(scene, folder, job, **more))
-        if self.moves(method, None):
-            more["cameras"] = trainings.corrected(pretrained)
         job = self.finetuning(experiment, scene, name)
         more |= {"initial": pretrained.model, "after": (pretrained,)}
         return [once(trainings.from_photos(scene, f"{name}/round0", job, **more))]
@@ -149,21 +142,13 @@ class Staged(base.Method):
         job = trainings.common(experiment, scene, name)
         return Finetune(**job, alignerf=settings)
 
-    def moves(self, method, round):
-        """Cameras may be corrected between the stages."""
-        return frozenset(["cameras"] * (method.changes != "photos"))
-
     def words(self, experiment, name):
         """The contributions that the method has."""
         method = experiment.methods[name]
         settings = method.alignerf
-        parts = ["cameras corrected"] if self.moves(method, None) else []
-        if settings.convolution:
-            parts.append(f"{settings.features} features")
+        parts = [f"{settings.features} features"] * settings.convolution
         if settings.radius_px != 0:
             parts.append("aligned")
-        if settings.error != "squared":
-            parts.append(settings.error)
         if settings.frequency_weight > 0:
             weights = experiment.config.frequency_weights
             parts.append("VGG-19" if weights else "derivative bank")

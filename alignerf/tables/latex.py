@@ -38,7 +38,6 @@ def of_lines(
     fixed=(),
     notes=(),
     best=None,
-    others=None,
 ):
     """LaTeX of a table's lines: a row for each of `rows`, booktabs.
 
@@ -46,11 +45,10 @@ def of_lines(
     rows below have it too. shown: (column, heading, form) of cells that stand side by
     side for each of `values` of the column `by`; fixed: of those that do not. form: as
     in columns.yaml. notes: lines of comments above. best: columns whose best three are
-    coloured, {column: whether higher is better}. others: a mask of lines that are never
-    among them.
+    coloured, {column: whether higher is better}.
     """
     best, keys = best or {}, list(rows)
-    lines = lines.assign(**rows, of_others=False if others is None else others)
+    lines = lines.assign(**rows)
     index = lines.drop_duplicates(keys).set_index(keys)
     cells, styles = {}, {}
     for column, heading, form in shown:
@@ -58,7 +56,7 @@ def of_lines(
             own = lines[lines[by] == value].set_index(keys).reindex(index.index)
             cells[heading, name(value)] = texts(own, column, form)
             if column in best:
-                ours = own[column].astype(float).mask(index["of_others"])
+                ours = own[column].astype(float)
                 styles[heading, name(value)] = colours(ours, higher=best[column])
     for column, heading, form in fixed:
         cells[heading, ""] = texts(index, column, form)
@@ -139,7 +137,7 @@ def with_ends(column):
 
 def metric(key):
     """(column, heading, form) of a metric, with an arrow to where it is better."""
-    found = columns.TABLES["misalignment"].columns[key]
+    found = columns.TABLES["comparison"].columns[key]
     arrow = "uparrow" if columns.METRICS.get(key) else "downarrow"
     return key, rf"{found.heading} $\{arrow}$", found.form
 

@@ -173,6 +173,5 @@ OPTIONS = {
         {"action": argparse.BooleanOptionalAction, "default": True},
     ),
     "[blur-by]": ("estimator by which it is found", {"choices": METHODS}),
-    "[kernel]": ("of warps", {"choices": warp.KERNELS, "default": "lanczos"}),
     "[tolerance-px]": ("of forth and back", 1.0),
 }

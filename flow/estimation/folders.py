@@ -44,9 +44,7 @@ def align(renders, photos, targets, stats_out, *, threads=1, **options):
     return rows
 
 
-def align_view(
-    view, render, photo, folders, *, kernel="lanczos", depth=None, masks=None, **options
-):
+def align_view(view, render, photo, folders, *, depth=None, masks=None, **options):
     """Write one view's flow and, where `folders` has one for it, its warped photo.
 
     Returns its statistics. depth: folder of <view>.npz, of the render: what is hidden
@@ -65,7 +63,7 @@ def align_view(
     row = files.statistics(flow_px, valid, view=view)
     files.write_flow(folders["flow"] / f"{view}.npz", flow_px, valid)
     if "warped" in folders:
-        warped = warp.warp(photo, flow_px, kernel=kernel)
+        warped = warp.warp(photo, flow_px)
         images.write(folders["warped"] / f"{view}.png", warped)
     return {"view": view, **row, "blur_sigma_px": sigma_px}
 

@@ -126,7 +126,7 @@ def test_again_gives_the_same_bits_and_nothing_stale(scene):
 
 
 def test_settings_reach_the_warps(scene):
-    options = ("--kernel", "bilinear", "--no-match-blur", "--method", "dis_medium")
+    options = ("--no-match-blur", "--method", "dis_medium")
     assert control_sets.run([*with_truth(scene), *options]) == 0
     assert {row["blur_sigma_px"] for row in rows(scene)} == {"0.0"}
     overfit_px, _ = files.read_flow(scene / "out" / "overfit_flow" / "a.npz")
@@ -137,7 +137,7 @@ def test_settings_reach_the_warps(scene):
     np.testing.assert_array_equal(overfit_px, wanted_px)
     np.testing.assert_array_equal(
         read(scene / "out", "overfit", "a"),
-        warp.warp(oracle, overfit_px, kernel="bilinear"),
+        warp.warp(oracle, overfit_px),
     )
 
 

@@ -18,9 +18,9 @@ WIDTH, HEIGHT, VIEWS, EVERY = 48, 36, 10, 4
 TEST_VIEWS = [f"view_{i:03d}" for i in range(0, VIEWS, EVERY)]
 HEADER = (
     "method,field,moves_cameras,moves_photos,warping,test_set,"
-    "psnr_db,ssim,lpips_published,"
+    "psnr_db,ssim,"
     "difference_to,difference_db,difference_low_db,difference_high_db,"
-    "train_time_s,data_time_s,total_time_s,params,steps,rays_seen,source"
+    "train_time_s,data_time_s,total_time_s,params,steps,rays_seen"
 )
 CONTROLS = (
     *("control", "placebo", "crossfit"),

@@ -43,7 +43,6 @@ def test_exports_read_photos_once_more_and_fit_held_out_cameras(
         assert ("--fit-held-out" in words) == where.startswith("aligned")
         assert ("--if-pays" in words) == where.startswith("aligned")
         assert ("--warped" in words) == where.endswith("photos")
-        assert ("--kernel lanczos" in words) == (where == "warped/export/photos")
     here = "results/courtyard/aligned/round0"
     assert f"--fit-held-out {here}/flow/test {here}/depth/test" in " ".join(
         found.values()
@@ -59,7 +58,7 @@ def test_a_width_is_a_key_and_an_option(tmp_path, demo, dry_run):
 
 
 def test_without_the_fair_test_set_nothing_is_fitted(tmp_path, demo, dry_run):
-    demo |= {"methods": METHODS, "aligned_pose": None}
+    demo |= {"methods": METHODS, "aligned_pose": False}
     found = plan(tmp_path, dry_run, demo)
     assert found
     assert not any("--fit-held-out" in words for words in found)

@@ -281,7 +281,7 @@ def flows(folder):
     base, photos = folder / "round0", str(folder / "images")
     fault = align.run(
         [
-            *("--match-blur", "--blur-by", "dis_fast", "--kernel", "lanczos"),
+            *("--match-blur", "--blur-by", "dis_fast"),
             *("--splits", "train", "test", "--renders", str(base / "renders")),
             *("--photos", photos, "--depth", str(base / "depth")),
             *("--flow-out", str(base / "flow")),

@@ -36,8 +36,6 @@ def completed(config):
             for name, one in config.scenes.items()
         },
     }
-    if not (config.aligned_pose and config.aligned_pose.flow):
-        found["aligned_pose"] = None
     config = config.model_copy(update=found)
     config = config.model_copy(update={"scenes": varied(config), "vary": None})
     scenes = config.scenes | crops_of(config)

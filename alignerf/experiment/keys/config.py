@@ -24,12 +24,6 @@ class Reference(Keys):
     )
 
 
-class AlignedPose(Keys):
-    """The test set whose cameras are moved to fit their photos, half by half."""
-
-    flow: bool = key(True, "by the flow from render to photo; false: no such test set")
-
-
 class Lpips(Keys):
     alex: PATH | None = key(None, "AlexNet")
     vgg: PATH | None = key(None, "VGG-16")
@@ -128,8 +122,8 @@ class Config(Keys):
         ".npz of VGG-19's first block for the high-frequency loss; null takes a fixed "
         "bank of oriented derivative filters",
     )
-    aligned_pose: AlignedPose | None = key(
-        AlignedPose, "test set of cameras moved to fit their photos; null has none"
+    aligned_pose: bool = key(
+        True, "test set of cameras moved to fit their photos, half by half"
     )
     lpips: Lpips | None = key(
         Lpips,

@@ -16,8 +16,7 @@ class Flow(Keys):
         None,
         "where estimator `files` finds <view>.flo or <view>.npz (render to photo) and, "
         "if there is a check to be made, <view>.back.flo or .npz; {scene}, {method}, "
-        "{round} and {split} in it stand for the renders' own; after pre-training, "
-        "where cameras are corrected then, {method} is pretrain and {round} the model",
+        "{round} and {split} in it stand for the renders' own",
     )
     match_blur: bool = key(
         True, "blur the photo like the render, for the estimate only"
@@ -26,9 +25,6 @@ class Flow(Keys):
         None,
         "estimator by which that blur is found; null: the same; a fast one finds the "
         "same blur in a third of the time",
-    )
-    kernel: Literal["lanczos", "cubic", "bilinear"] = key(
-        "lanczos", "interpolation of warps"
     )
     tolerance_px: float = key(
         1.0,

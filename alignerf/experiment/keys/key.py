@@ -48,6 +48,7 @@ REMOVED = {
     "depth_kind": ": `depth` is along the optical axis",
     "depth_scale": ": `depth` is in the unit of the cameras",
     "dilation": ": the method `aligned_loss: {}` replaces dilated patches",
+    "published": ": `published_table` shows what a paper's table prints",
     "max_rounds": ": `rounds` is a number; two are enough",
     "renders": ": a method has `external: {renders: FOLDER}`, a scene "
     "`external_renders`",

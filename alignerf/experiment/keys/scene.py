@@ -112,9 +112,6 @@ class Common(Keys):
         "COLMAP's poses, and adjusted ones, are adjusted a second time, by keypoints "
         "evenly over each view; null: true, but false for courtyard",
     )
-    published: str | None = key(
-        None, "what papers call the scene: its tables show what they print for it"
-    )
     downscale: int | Literal["auto"] = key(
         1,
         "photos are made smaller by this factor, by area averaging; auto: the least "

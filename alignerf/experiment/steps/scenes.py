@@ -95,19 +95,16 @@ def collect(experiment, w):
 
 def tables(experiment, w):
     """A table of a scene, as CSV and LaTeX."""
-    scene, called = layout.Scene(w.scene), experiment.scenes[w.scene].published
-    published = rows.published(called)
+    scene = layout.Scene(w.scene)
     command = words(
         "alignerf.tabulate",
         table=w.table,
         scenes=rows.as_json([table_scenes.of_scene(experiment, w.scene)]),
-        published=published,
-        called=called if published else None,
         configs=scene.config,
         out=f"{scene.tables}/{w.table}",
     )
     inputs = {"scores": scene.scores(), "trainings": scene.trainings()}
-    return Step(command, inputs | {"config": scene.config}, {"published": published})
+    return Step(command, inputs | {"config": scene.config})
 
 
 def draw(experiment, w):
@@ -342,9 +339,6 @@ def export_folder(experiment, w):
     options["width"] = experiment.config.export_width_px
     if warped:
         options |= {"warped": warped["photos"], "valid": warped["valid"]}
-        # Photos that a training has warped on its way are warped by the usual kernel.
-        if training.valid or not capture.trains:
-            options["kernel"] = experiment.config.flow.kernel
     adjusted = (
         training.cameras == scene.adjusted_train and "cameras" not in training.job.moves
     )

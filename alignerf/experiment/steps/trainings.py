@@ -70,9 +70,7 @@ def align(experiment, w):
     the truth is known, also the flow from test renders to it.
     """
     scene, at = layout.Scene(w.scene), layout.training(w.scene, w.training)
-    method, _, round = w.training.partition("/")
-    if method != "pretrain":
-        round = round.removeprefix("round")
+    method, _, round = w.training.partition("/round")
     splits = experiment.splits(w.scene, w.training)
     inputs = {"renders": at.renders, "depth": at.depth, "photos": scene.images}
     known = experiment.has_truth(w.scene) and "test" in splits

@@ -1,12 +1,9 @@
 """The rows of a scene's tables and figures, and the files that each comes from."""
 
-import csv
 import json
 from typing import NamedTuple
 
 from alignerf.experiment import layout, sources, trainings
-
-PUBLISHED = sources.PIPELINE / "results" / "published"
 
 
 class Row(NamedTuple):
@@ -139,15 +136,4 @@ def costs_of(at):
 
 def published_table():
     """What AligNeRF prints in its tables, beside the sources."""
-    return str(PUBLISHED / "tables.csv")
-
-
-def published(scene):
-    """Tables of papers, beside the sources, with a row of what they call this."""
-    return [str(path) for path in sorted(PUBLISHED.glob("*.csv")) if has(path, scene)]
-
-
-def has(path, scene):
-    """Whether a published table has a scene of this name; `mean` is of all."""
-    with open(path, newline="", encoding="utf-8") as file:
-        return scene in {row["scene"] for row in csv.DictReader(file)} - {"mean"}
+    return str(sources.PIPELINE / "results" / "published" / "tables.csv")

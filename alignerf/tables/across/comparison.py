@@ -39,7 +39,7 @@ def printed(args):
     """What the paper prints in the table that the arguments name."""
     if args.published_table is None:
         return []
-    return published.lines(*args.published, "table", args.published_table)
+    return published.lines(*args.published, args.published_table)
 
 
 def beside(views, table, args):

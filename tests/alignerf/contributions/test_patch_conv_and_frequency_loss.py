@@ -83,7 +83,6 @@ def test_published_size_of_the_contribution():
         "patch_px": 32,
         "convolution": True,
         "features": 128,
-        "error": "squared",
         "frequency_weights": None,
     }
     training = cases.TRAINING | {"steps": 1, "batch_rays": 1}

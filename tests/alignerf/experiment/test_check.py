@@ -45,7 +45,11 @@ def edit(config, where, value):
         ("seed", True, "seed: True should be a valid integer"),
         ("training.learning_rates", ["1e-3", 1], r"learning_rates.0: '1e-3' .*1.0e-03"),
         ("training.batch_rays", 0, "batch_rays: 0 should be .* or equal to 1"),
-        ("flow.kernel", "sinc", "flow.kernel: 'sinc' should be 'lanczos', 'cubic' or"),
+        (
+            "flow.estimator",
+            "flow",
+            "flow.estimator: 'flow' should be 'dis_fast', 'dis_m",
+        ),
         (
             "scenes.courtyard.pose_convention",
             "ros90",

@@ -42,7 +42,6 @@ JOB = {
         "patch_px": 16,
         "convolution": True,
         "features": 5,
-        "error": "squared",
         "radius_px": 2,
         "align_penalty": 0.01,
         "frequency_weight": 0.05,
@@ -192,8 +191,6 @@ def change(job, where, value=None):
             1,
             "alignerf.convolution: 1 should be a valid boolean",
         ),
-        ("alignerf.error", "cubed", "alignerf.error: 'cubed' should be 'squared' or"),
-        ("alignerf.error", "L1", "alignerf.error: 'L1' should be 'squared' or"),
         ("alignerf.patches", 0, "alignerf.patches: 0 should be greater"),
         ("alignerf.patch_px", 0, "alignerf.patch_px: 0 should be .* equal to 8"),
         (

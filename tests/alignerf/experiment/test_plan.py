@@ -45,38 +45,16 @@ def test_a_round_changes_photos_or_cameras(demo, experiment_of):
     assert of("moved", 2) == ("moved/round1/corrected/cameras.npz", True, False, 2)
 
 
-def test_a_staged_training_may_put_cameras_right_between_its_stages(
-    demo, experiment_of
-):
-    demo["methods"] = {
-        "mipnerf360": {"model": "base"},
-        "alignerf": {"model": "base", "alignerf": {}},
-        "corrected": {"model": "base", "alignerf": {}, "changes": "cameras"},
-    }
-    experiment = experiment_of(demo)
-    folder = "results/courtyard/pretrain/base"
-    staged = experiment.names("key", "alignerf")
-    found = {m: experiment.at("courtyard", m, 0) for m in staged}
-    assert {m: training.cameras for m, training in found.items()} == {
-        "alignerf": "results/courtyard/cameras.npz",
-        "corrected": f"{folder}/corrected/cameras.npz",
-    }
-    every = rows.collected(experiment, "courtyard", [(m, 0) for m in staged])
-    first, *_, plain, corrected = every
+def test_a_pretraining_is_a_row_that_only_leads_to_others(demo, experiment_of):
+    demo["methods"] = {"alignerf": {"model": "base", "alignerf": {}}}
+    first, last = rows.collected(experiment_of(demo), "courtyard", [("alignerf", 0)])
     assert (first.folder, first.method) == ("pretrain/base", None)
-    assert plain.flows == plain.corrected == []
-    # What the correction took is part of the way to the model.
-    assert corrected.flows == corrected.corrected == ["pretrain/base"]
     assert first.files == {
-        "timing": f"{folder}/timing.json",
-        "process": f"{folder}/logs/train.tsv",
-        "render": f"{folder}/render/train.json",
-        "align": f"{folder}/displacement/train.csv",
-        "corrections": f"{folder}/corrected/poses_corrected.json",
+        "timing": "results/courtyard/pretrain/base/timing.json",
+        "process": "results/courtyard/pretrain/base/logs/train.tsv",
     }
-    assert "cameras corrected" in methods.label(experiment, "corrected")
-    assert "cameras corrected" not in methods.label(experiment, "alignerf")
-    assert targets.exports(experiment) == ["results/courtyard/corrected/export/cameras"]
+    assert last.way == ["pretrain/base", "alignerf/round0"]
+    assert last.flows == last.corrected == []
 
 
 def test_staged_methods_are_set_against_plain_ones(demo, experiment_of):

@@ -18,7 +18,6 @@ from alignerf.experiment.keys import config as config_keys
 from alignerf.experiment.keys import key
 from alignerf.systems import mipnerf360
 from flow.estimation import estimate, external
-from flow.warping import warp
 
 
 @pytest.fixture
@@ -175,7 +174,6 @@ def test_the_flow_and_the_sources_have_the_choices_of_their_modules(editors):
     defs = editors["$defs"]
     flow = defs["Flow"]["properties"]
     assert flow["estimator"]["enum"] == [*estimate.METHODS, external.METHOD]
-    assert flow["kernel"]["enum"] == list(warp.KERNELS)
     assert flow["estimator"]["default"] == estimate.DEFAULT
     scene = defs["Scene"]["properties"]
     assert scene["source"]["enum"] == list(base.every())

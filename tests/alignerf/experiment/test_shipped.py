@@ -6,9 +6,7 @@ import jax
 import pytest
 
 from alignerf.experiment.tables import rows, shipped
-from alignerf.tables import published
 from alignerf.training import compose
-from tests import step_cases as cases
 
 SIZES = pytest.mark.parametrize("small", [True, False], ids=["small", "full"])
 
@@ -42,44 +40,11 @@ def test_what_the_paper_prints_has_rows_of_ours(shipped_in, small):
         called = {one.published for one in experiment.methods.values()}
         names = [row["method"] for row in printed() if row["table"] == str(number)]
         assert called - {None} <= {*names}
-        # Where photos are the paper's, so is what it prints for each.
-        for scene in experiment.scenes.values():
-            if name := scene.published:
-                assert name in {row["scene"] for row in printed()}
     # Rows that are another program's alone.
     left = {"Deep Blending", "Point-Based Neural Rendering", "Stable View Synthesis"}
     every = {one.published for one in methods_of(by_name)}
     if not small:
         assert {row["method"] for row in printed()} - every == left
-
-
-@pytest.mark.parametrize(
-    ("table", "scene", "called", "count"),
-    [
-        ("table1", "flowers_rounds", "flowers", 14),
-        ("table4", "bicycle_parts", "bicycle", 8),
-    ],
-)
-def test_at_full_size_a_scenes_tables_show_what_is_printed_for_it(
-    shipped_in, table, scene, called, count
-):
-    experiment = shipped_in(small=False)[table]
-    assert list(experiment.scenes) == [scene]
-    found = cases.options("tables", experiment, scene, table="misalignment")
-    assert found["called"] == called
-    paths = found["published"]
-    lines = [row for path in paths for row in published.lines(path, "scene", called)]
-    # Of mip-NeRF 360's own table, and of this one.
-    assert len(lines) == 1 + count
-    assert {line["method"].partition(", published")[0] for line in lines} >= {
-        one.published for one in experiment.methods.values() if one.published
-    }
-
-
-def test_a_scene_without_a_name_in_papers_shows_nothing_of_theirs(shipped_in):
-    experiment = shipped_in(small=True)["table1"]
-    found = cases.options("tables", experiment, "courtyard_off", table="misalignment")
-    assert not {"called", "published"} & found.keys()
 
 
 @SIZES

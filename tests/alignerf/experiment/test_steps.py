@@ -107,9 +107,6 @@ def test_the_truth_reaches_the_flow_to_it(demo, tmp_path, experiment_of, known):
         assert found.get("model-flow") == (f"{at}/flow/oracle" if by_truth else None)
         own = f"{at}/learnt" if photos else f"results/{scene}"
         assert found["cameras"] == f"{own}/cameras.npz"
-    # A pre-training has no test views.
-    found = cases.options("align", experiment, scene, training="pretrain/base")
-    assert "oracle" not in found
 
 
 def test_another_program_asks_for_what_its_method_says(demo, experiment_of):

@@ -15,7 +15,6 @@ METHODS = {
     "learnt": {"model": "base", "pose_optimization": {}},
     "aligned": {"model": "base", "align": {}},
     "staged": {"model": "base", "alignerf": {}},
-    "between": {"model": "base", "alignerf": {}, "changes": "cameras"},
 }
 
 
@@ -35,9 +34,7 @@ def test_every_method_makes_trainings_whose_jobs_are_right(experiment):
         for training in rounds:
             assert jobs.parse(training.job.model_dump()) is not training.job
     stages = {m: experiment.at("courtyard", m, 0).job.stage for m in METHODS}
-    assert {m for m, stage in stages.items() if stage != "full"} == {
-        *("staged", "between"),
-    }
+    assert [m for m, stage in stages.items() if stage != "full"] == ["staged"]
 
 
 def test_equal_trainings_are_one_object(demo, experiment_of):
@@ -108,9 +105,7 @@ def test_what_a_training_took_is_told_by_the_way_to_it(experiment):
     assert told("plain", 0) == told("moved", 0) == [[first], [], []]
     assert told("plain", 2) == [[first, second, third], [first, second], []]
     assert told("moved", 1) == [[first, "moved/round1"], [first], [first]]
-    before = ["pretrain/base"]
-    assert told("between", 0) == [[*before, "between/round0"], before, before]
-    assert told("staged", 0) == [[*before, "staged/round0"], [], []]
+    assert told("staged", 0) == [["pretrain/base", "staged/round0"], [], []]
     assert told("aligned", 0) == [["aligned/round0"], [], []]
 
 
@@ -126,12 +121,6 @@ def test_training_views_are_rendered_where_they_are_looked_at(demo, experiment_o
     assert splits("plain/round0") == splits("plain/round1") == both
     for folder in ("plain/round2", "moved/round1", "aligned/round0", "staged/round0"):
         assert splits(folder) == ["test"], folder
-    # Of a pre-training, those that cameras are corrected by, and no test view.
-    assert splits("pretrain/base") == ["train"]
-    methods = {name: METHODS[name] for name in ("plain", "staged")}
-    experiment = experiment_of(
-        demo | {"methods": methods, "reference": {"method": "plain"}}
-    )
     assert splits("pretrain/base") == []
 
 

@@ -27,7 +27,7 @@ def test_offsets_on_disk_warp_a_photo_as_the_training_did(tmp_path, rng):
     store.write_photos(tmp_path, "abc", now, taken, offsets_px, K)
     assert warps.are_known("abc", tmp_path / "valid")
     for i, name in enumerate("abc"):
-        one = warps.Warp(tmp_path / "valid" / f"{name}.npz", (H, W), "lanczos")
+        one = warps.Warp(tmp_path / "valid" / f"{name}.npz", (H, W))
         photo = images.read(tmp_path / "photos" / f"{name}.png")
         np.testing.assert_array_equal(one.photo(taken.photos[i]), photo)
         assert np.array_equal(photo, taken.photos[i]) == (i > 0)
@@ -43,7 +43,7 @@ def test_photos_that_no_alignment_warped_have_no_offsets(tmp_path, rng):
         camtoworlds=np.eye(4, dtype=np.float32)[None, :3],
     )
     store.write_photos(tmp_path, "a", taken, taken, None, K)
-    one = warps.Warp(tmp_path / "valid/a.npz", (2 * H, 2 * W), "lanczos")
+    one = warps.Warp(tmp_path / "valid/a.npz", (2 * H, 2 * W))
     flow_px, valid = one.large()
     assert flow_px.shape == (2 * H, 2 * W, 2)
     assert not flow_px.any()

@@ -142,8 +142,7 @@ def test_a_method_is_known_everywhere(demo, record):
 def test_a_method_that_changes_cameras_in_rounds_is_too(demo, record):
     if "changes" not in record.beside:
         return
-    rounds = {"rounds": 2} if "rounds" in record.beside else {}
-    experiment = experiment_with(demo, record, changes="cameras", **rounds)
+    experiment = experiment_with(demo, record, changes="cameras", rounds=2)
     check_label(experiment)
     check_test_set(experiment)
     if not record.from_scratch:

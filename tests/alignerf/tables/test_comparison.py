@@ -45,7 +45,7 @@ def scene_of(name, share, views_db, **fields):
 @pytest.fixture
 def printed():
     """What the paper's Table 2 prints."""
-    return published.lines(table_rows.published_table(), "table", 2)
+    return published.lines(table_rows.published_table(), 2)
 
 
 def of_all(table, **keys):
@@ -142,6 +142,23 @@ def test_colours_are_for_ours_alone(scenes, printed):
     # Each length has a best of its own.
     rows = [line for line in tex.splitlines() if "& mipnerf360 " in line]
     assert [r"\cellcolor[HTML]{FF9999}" in line for line in rows] == [True, True]
+
+
+@pytest.mark.parametrize(
+    ("change", "reason"),
+    [
+        (
+            lambda table: pd.concat([table, table[-1:]]),
+            "table 4: a method stands twice",
+        ),
+        (lambda table: table.drop(columns="ssim"), ".*: no column ssim"),
+    ],
+)
+def test_a_published_table_that_is_none_is_named(tmp_path, change, reason):
+    path = tmp_path / "tables.csv"
+    change(pd.read_csv(table_rows.published_table())).to_csv(path, index=False)
+    with pytest.raises(ValueError, match=rf"tables\.csv: {reason}"):
+        published.lines(path, 4)
 
 
 def test_rankings_are_between_all_test_sets(scenes):

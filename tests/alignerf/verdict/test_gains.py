@@ -18,7 +18,6 @@ MOVES = {
     "plain": (ONE | {"rounds": 2}, ["", "p", "p"]),
     "moved": (ONE | {"rounds": 1, "changes": "cameras"}, ["", "c"]),
     "staged": (ONE | {"alignerf": {}}, [""]),
-    "between": (ONE | {"alignerf": {}, "changes": "cameras"}, ["c"]),
     "aligned_search": (ONE | {"aligned_loss": {}}, [""]),
     "learnt": (ONE | {"pose_optimization": {}}, ["c"]),
     "adjusted_poses": (ONE | {"adjust": True}, ["c"]),
