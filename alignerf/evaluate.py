@@ -173,6 +173,9 @@ def score(target, render, valid, learned, *, seams=False):
     learned: {name: metric} of those that need weights. seams: the render has some,
     which all metrics but PSNR would see in their windows; they are left out.
     """
+    if not valid.any():
+        empty = dict.fromkeys(("psnr_db", "ssim", *learned), np.nan)
+        return empty | {"valid_fraction": 0.0, "note": "no valid pixel"}
     row = {"psnr_db": image_metrics.psnr_db(target, render, valid)}
     notes = []
     if np.isinf(row["psnr_db"]):

@@ -16,6 +16,10 @@ from pathlib import Path
 
 from alignerf.io import faults, owned
 from flow.estimation import estimate, external, folders
+from flow.warping import files
+
+# Of views without any: what they lack, and what to ask.
+NO_FLOW = "a valid flow", "does the render show what the photo does?"
 
 
 def main(*, splits, renders, depth, flow_out, stats_out, warped_out, oracle, **options):
@@ -28,17 +32,18 @@ def main(*, splits, renders, depth, flow_out, stats_out, warped_out, oracle, **o
         raise ValueError(f"--flows goes with --method {method}, and it with --flows")
     if not splits:
         targets = {"flow": flow_out} | ({"warped": warped_out} if warped_out else {})
-        folders.align(
+        rows = folders.align(
             renders, targets=targets, stats_out=stats_out, depth=depth, **options
         )
+        files.tell_unknown(rows, *NO_FLOW)
         return
     owned.put(stats_out, [f"{split}.csv" for split in splits])
-    flows = options.pop("flows")
+    flows, rows = options.pop("flows"), []
     for split in splits:
         targets = {"flow": flow_out / split}
         if warped_out:
             targets["warped"] = warped_out / split
-        folders.align(
+        rows += folders.align(
             renders / split,
             targets=targets,
             stats_out=stats_out / f"{split}.csv",
@@ -46,6 +51,7 @@ def main(*, splits, renders, depth, flow_out, stats_out, warped_out, oracle, **o
             flows=flows and Path(str(flows).replace("{split}", split)),
             **options,
         )
+    files.tell_unknown(rows, *NO_FLOW)
     if oracle:
         # It has no flows from elsewhere, nothing before it, and counts everywhere.
         if options["method"] == external.METHOD:

@@ -25,12 +25,16 @@ from flow.warping import files
 # Lengths beyond this percentile of the flow's count as that: a single wild vector
 # must not outweigh a view.
 CAP_PERCENTILE = 99
+# Of views without any: what they lack, and what to ask.
+NO_DEPTH = (
+    "both a valid flow and a depth",
+    "the render shows nothing of the photo; train longer, or another model",
+)
 PARTS = ("flow", "model", "camera", "remainder")
-LENGTHS = ("median_px", "mean_px", "p95_px")
 COLUMNS = (
     "view",
     "valid_fraction",
-    *(f"{part}_{length}" for part in PARTS for length in LENGTHS),
+    *(f"{part}_{length}" for part in PARTS for length in files.LENGTHS),
     "camera_fraction",
     "moved_fraction",
     "moved_mean_px",
@@ -82,10 +86,14 @@ def main(
                 raise ValueError(f"view {view}: {error}") from error
             write_parts(folder / f"{view}.npz", fit, model_px)
             time_s = round(time.perf_counter() - started, 4)
-            return {"view": view, **row, "time_s": time_s}
+            has_flow = all(valid.any() for _, valid in flows)
+            return has_flow, {"view": view, **row, "time_s": time_s}
 
         cameras_of = found_cameras.items()
-        rows = list(machine.map_in_threads(row_of, cameras_of, threads=threads))
+        made = list(machine.map_in_threads(row_of, cameras_of, threads=threads))
+        rows = [row for _, row in made]
+        # What has no flow to begin with, `flow.align` has told.
+        files.tell_unknown([row for has_flow, row in made if has_flow], *NO_DEPTH)
         files.write_rows(stats_path, COLUMNS, rows)
     return rows
 
@@ -113,14 +121,11 @@ def statistics(fit: camera_fit.Fit, model_px=None):
     camera_fraction: how much of the squared length of the flow, less the model's part,
     the camera explains, lengths being capped; negative where the fit serves most
     pixels at the cost of that sum. moved_mean_px: what the pixels that do not move
-    with the camera contribute to the mean length of the remainder. Raises ValueError
-    where no pixel is valid.
+    with the camera contribute to the mean length of the remainder. Where no pixel is
+    valid all is empty.
     """
     if not fit.valid.any():
-        raise ValueError(
-            "no pixel has both a valid flow and a depth: its render shows nothing of "
-            "the photo; train longer, or another model"
-        )
+        return dict.fromkeys(COLUMNS[1:-1], "")
     net_px = fit.camera_px + fit.remainder_px
     model = {} if model_px is None else {"model": model_px}
     vectors_px = model | {
@@ -128,10 +133,9 @@ def statistics(fit: camera_fit.Fit, model_px=None):
         "camera": fit.camera_px,
         "remainder": fit.remainder_px,
     }
-    lengths_px = {
-        part: np.linalg.norm(vectors[fit.valid].astype(np.float64), axis=-1)
-        for part, vectors in vectors_px.items()
-    }
+    vectors_px = {part: vectors[fit.valid] for part, vectors in vectors_px.items()}
+    remainder_px = vectors_px["remainder"].astype(np.float64)
+    remainder_px = np.linalg.norm(remainder_px, axis=-1)
     moved = fit.moved[fit.valid]
     net_length_px = np.linalg.norm(net_px[fit.valid], axis=-1)
     return {
@@ -139,23 +143,15 @@ def statistics(fit: camera_fit.Fit, model_px=None):
         **{
             f"{part}_{name}": value
             for part in PARTS
-            for name, value in _lengths(lengths_px.get(part)).items()
+            for name, value in files.lengths(vectors_px.get(part, ())).items()
         },
-        "camera_fraction": explained(net_length_px, lengths_px["remainder"]),
+        "camera_fraction": explained(net_length_px, remainder_px),
         "moved_fraction": float(moved.mean()),
-        "moved_mean_px": float((lengths_px["remainder"] * moved).mean()),
+        "moved_mean_px": float((remainder_px * moved).mean()),
         "noise_px": fit.noise_px,
         **_camera(fit.motion),
         "fitted_pixels": fit.pixels,
     }
-
-
-def _lengths(length_px):
-    """Median, mean and 95th percentile of lengths [n]; empty where there are none."""
-    if length_px is None:
-        return dict.fromkeys(LENGTHS, "")
-    values = np.median(length_px), length_px.mean(), np.percentile(length_px, 95)
-    return dict(zip(LENGTHS, map(float, values), strict=True))
 
 
 def explained(flow_length_px, remainder_length_px):

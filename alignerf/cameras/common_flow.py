@@ -27,8 +27,12 @@ class Pattern(NamedTuple):
 
 
 def of_flows(flows):
-    """The pattern of the training views' flows; NaN errors for fewer than 3 views."""
-    fits = np.stack([fit(flow) for flow in flows])
+    """The pattern of the training views' flows; NaN errors for fewer than 3 views.
+
+    Views without a valid flow are left out, unless all are such.
+    """
+    known = [flow for flow in flows if np.isfinite(flow).any()]
+    fits = np.stack([fit(flow) for flow in known or flows])
     mean = fits.mean(axis=0)
     error = np.full(len(mean), np.nan)
     if len(fits) > 2:

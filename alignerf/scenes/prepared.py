@@ -326,7 +326,7 @@ def read_masks(scene: Scene, views) -> np.ndarray:
 def read_validity(scene: Scene, views, folder) -> np.ndarray:
     """Masks [views, h, w] bool of these views from a folder of flow archives.
 
-    Raises ValueError where a view has no valid pixel to learn from.
+    A view whose flow is nowhere valid has none. Raises ValueError naming the file.
     """
     masks = np.empty((len(views), scene.height, scene.width), bool)
     for slot, view in enumerate(views):
@@ -334,7 +334,5 @@ def read_validity(scene: Scene, views, folder) -> np.ndarray:
         mask = archives.read(path, ["valid"])["valid"]
         if mask.shape != masks.shape[1:]:
             raise ValueError(f"{path}: valid is {mask.shape}, not {masks.shape[1:]}")
-        if not mask.any():
-            raise ValueError(f"{path}: no valid pixel")
         masks[slot] = mask
     return masks

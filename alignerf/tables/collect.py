@@ -85,8 +85,9 @@ def views_of(path):
 
 
 def parts_of(path):
-    """Lengths of the flow from render to photo and of its parts, by view."""
+    """Lengths of the flow and of its parts, by view; of none without a valid flow."""
     table = csv_files.read(path, columns=("view", *columns.PARTS))
+    table = table.dropna(subset=columns.PARTS, how="all")
     return long(table.assign(test_set="standard"), columns.PARTS, path)
 
 

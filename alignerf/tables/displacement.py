@@ -10,7 +10,11 @@ from alignerf.tables import columns, frame, latex
 
 
 def make_table(views):
-    """A line per row of a `frame.read`; a column that some view lacks stays empty."""
+    """A line per row of a `frame.read`; a column that some view lacks stays empty.
+
+    Views without a valid flow are left out.
+    """
+    views = views.dropna(subset=columns.PARTS, how="all")
     lines = frame.summary(views, frame.ROW, ["standard"], metrics=columns.PARTS)
     return pd.DataFrame(lines, columns=columns.names("displacement"))
 

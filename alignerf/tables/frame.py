@@ -162,7 +162,7 @@ def gains(own, other, prefix="difference_"):
     own: lines of one test set.
     """
     gain_db = own["psnr_db"] - own[other] if other else own["psnr_db"]
-    if len(own) and testsets.named(own["test_set"].iloc[0]).partial:
+    if len(own) and testsets.named(own["test_set"].iloc[0]).moved:
         gain_db = gain_db.dropna()
     groups = [one.to_numpy() for _, one in gain_db.groupby(own["scene"], sort=False)]
     return scores.pooled_mean_and_interval(groups, prefix)

@@ -47,7 +47,9 @@ def of_entry(name, *, pixels, image=None, fair_for=(), **entry):
     for key in ("score", "difference"):
         if key in entry:
             entry[key] = Quantity(*entry[key])
-    entry = {"needs": NEEDS[image]} | entry
+    # A view has no such pixel where no flow is valid, or nothing moves.
+    partial = pixels in ("valid", "matched", "moving")
+    entry = {"needs": NEEDS[image], "partial": partial} | entry
     entry |= {"draw": DRAWN.get(name), "fair_for": frozenset(fair_for)}
     return TestSet(name=name, pixels=pixels, make=make, **entry)
 

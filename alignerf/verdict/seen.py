@@ -99,7 +99,8 @@ def read_flow(base, split, name):
 
 
 def moved_fraction(base, split, name, camera_px, photo):
-    """Share of a view's valid pixels that moved on their own, by a visible length.
+    """Share of a view's valid pixels that moved on their own, by a visible length; NaN
+    of none.
 
     Where the photo is flat, as in a sky, a flow says nothing.
     """
@@ -109,4 +110,4 @@ def moved_fraction(base, split, name, camera_px, photo):
     far = np.linalg.norm(data["remainder_px"], axis=-1) > min_px
     valid = data["valid"]
     moved = data["moved"] & far & valid & views.textured(photo)
-    return float(moved.sum() / max(valid.sum(), 1))
+    return float(moved.sum() / valid.sum()) if valid.any() else np.nan

@@ -12,7 +12,7 @@ from alignerf.io import archives, atomic, images, machine, progress
 from flow.estimation import estimate, external
 from flow.warping import files, warp
 
-COLUMNS = ("view", *files.LENGTHS, "blur_sigma_px", "time_s")
+COLUMNS = ("view", *files.STATISTICS, "blur_sigma_px", "time_s")
 
 
 def align(renders, photos, targets, stats_out, *, threads=1, **options):
@@ -47,9 +47,9 @@ def align(renders, photos, targets, stats_out, *, threads=1, **options):
 def align_view(view, render, photo, folders, *, depth=None, masks=None, **options):
     """Write one view's flow and, where `folders` has one for it, its warped photo.
 
-    Returns its statistics. depth: folder of <view>.npz, of the render: what is hidden
-    in the photo is not valid. masks: as of `files.masked_photo`. options: those of
-    `flow_of_view`.
+    Returns its statistics. Without a valid pixel the photo stays as it is. depth:
+    folder of <view>.npz, of the render: what is hidden in the photo is not valid.
+    masks: as of `files.masked_photo`. options: those of `flow_of_view`.
     """
     try:
         photo, counts = files.masked_photo(view, render, photo, masks)
@@ -63,7 +63,7 @@ def align_view(view, render, photo, folders, *, depth=None, masks=None, **option
     row = files.statistics(flow_px, valid, view=view)
     files.write_flow(folders["flow"] / f"{view}.npz", flow_px, valid)
     if "warped" in folders:
-        warped = warp.warp(photo, flow_px)
+        warped = warp.warp(photo, flow_px) if valid.any() else photo
         images.write(folders["warped"] / f"{view}.png", warped)
     return {"view": view, **row, "blur_sigma_px": sigma_px}
 

@@ -174,9 +174,7 @@ def draw_row(axes, row, scale_px):
         write_below(cell, f"{psnr_db(render, photo):.1f} dB")
     for cell, flow in zip(of_flows, row.flows, strict=True):
         cell.imshow(drawing.coloured(flow, scale_px))
-        known = flow[1].any()
-        text = f"{drawing.median_px(flow):.2f} px" if known else "no valid flow"
-        write_below(cell, text)
+        write_below(cell, drawing.median(flow))
 
 
 def in_lines(text):

@@ -94,9 +94,12 @@ def flow_scale(flows):
     return max(0.1, round(float(longest), 1))
 
 
-def median_px(flow):
+def median(flow):
+    """The median length of a flow, in words."""
     flow_px, valid = flow
-    return np.median(np.linalg.norm(flow_px[valid], axis=-1))
+    if not valid.any():
+        return "no valid flow"
+    return f"{np.median(np.linalg.norm(flow_px[valid], axis=-1)):.2f} px"
 
 
 def draw_wheel(axes, scale_px):

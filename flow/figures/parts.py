@@ -85,7 +85,7 @@ def draw_views(parts, photos, renders, path):
             flow = parts_of_view[name], parts_of_view["valid"]
             shown.append(drawing.coloured(flow, scale_px))
             heading = f"{TITLES[name]}\n" if number == 0 else ""
-            titles.append(f"{heading}{drawing.median_px(flow):.2f} px")
+            titles.append(f"{heading}{drawing.median(flow)}")
         for axis, image, title in zip(axes, shown, titles, strict=True):
             axis.imshow(image)
             axis.set_title(title, fontsize=drawing.FONT_SIZE - 1)
@@ -104,6 +104,8 @@ def draw_lengths(parts, path):
         )
         for name in present(parts)
     }
+    if not len(lengths_px["flow_px"]):
+        raise ValueError(f"no valid flow in any of {faults.some_names([*parts])}")
     longest_px = np.percentile(lengths_px["flow_px"], SHOWN_PERCENTILE)
     edges = np.linspace(0, max(float(longest_px), 0.1), BINS + 1)
     figure = matplotlib.figure.Figure(figsize=(5, 3), layout="constrained")

@@ -81,7 +81,8 @@ def middle_view(path):
     """The view of middle misalignment: neither best nor worst case for the scene."""
     table = csv_files.read(path, columns=("view", "median_px"))
     # Python's sort, stable: of views that are equally far, the order by name.
-    rows = sorted(table.itertuples(), key=lambda row: row.median_px)
+    known = table.dropna(subset="median_px")
+    rows = sorted(known.itertuples(), key=lambda row: row.median_px)
     return rows[len(rows) // 2].view
 
 
@@ -89,7 +90,7 @@ def draw_flow(view, photo, render, flow, path):
     scale_px = drawing.flow_scale([flow])
     figure = matplotlib.figure.Figure(figsize=(13, 2.9), layout="constrained")
     axes = figure.subplots(1, 4, width_ratios=[1, 1, 1, 0.4])
-    title = f"flow render to photo (median {drawing.median_px(flow):.2f} px)"
+    title = f"flow render to photo (median {drawing.median(flow)})"
     panels = {
         f"photo {view}": photo,
         "render of the reference model": render,
@@ -118,7 +119,7 @@ def draw_rounds(view, photo, rounds, path):
         column[0].imshow(render)
         column[0].set_title(f"render, {name}", fontsize=8)
         column[1].imshow(drawing.coloured(flow, scale_px))
-        title = f"its flow to the photo (median {drawing.median_px(flow):.2f} px)"
+        title = f"its flow to the photo (median {drawing.median(flow)})"
         column[1].set_title(title, fontsize=8)
     drawing.save_images(figure, path)
 

@@ -12,7 +12,7 @@ import numpy as np
 from flow.warping import files, warp
 
 # Of overfit.csv, a row for each view.
-COLUMNS = ("view", "aligned", *files.LENGTHS, "blur_sigma_px", "time_s")
+COLUMNS = ("view", "aligned", *files.STATISTICS, "blur_sigma_px", "time_s")
 # Half a pixel displaces little, and asks for every fraction that resampling can.
 PLACEBO_PX = 0.5
 

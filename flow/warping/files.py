@@ -4,6 +4,7 @@ Notation: `flow_px` [h, w, 2] float32, x then y in pixels; `valid` [h, w] bool.
 """
 
 import csv
+import logging
 from pathlib import Path
 
 import numpy as np
@@ -11,10 +12,13 @@ import numpy as np
 from alignerf.io import archives, atomic, faults
 from flow.warping import warp
 
+log = logging.getLogger("alignerf")
+
 # Middlebury's mark for "unknown" is any component beyond this.
 UNKNOWN_FLOW_PX = 1e9
 # How far render and photo are apart: the misalignment of a view.
-LENGTHS = ("median_px", "mean_px", "p95_px", "valid_fraction")
+LENGTHS = ("median_px", "mean_px", "p95_px")
+STATISTICS = (*LENGTHS, "valid_fraction")
 
 
 def write_rows(path, columns, rows):
@@ -103,18 +107,26 @@ def _check_flow_file(path, flow_px, valid):
 
 
 def statistics(flow_px, valid, *, view):
-    """Length of the flow over valid pixels: a float for each of LENGTHS.
-
-    Raises ValueError, naming the view, where no pixel is valid: a mean over nothing
-    is no misalignment.
-    """
+    """STATISTICS of the flow over valid pixels, as of `lengths`."""
     if valid.shape != flow_px.shape[:2] or valid.dtype != bool:
         raise ValueError(f"view {view}: the validity mask does not fit the flow")
-    if not valid.any():
-        raise ValueError(
-            f"view {view}: no pixel has a valid flow, so it has no misalignment; "
-            "does the render show the scene?"
-        )
-    length_px = np.linalg.norm(flow_px[valid].astype(np.float64), axis=-1)
-    lengths_px = np.median(length_px), length_px.mean(), np.percentile(length_px, 95)
-    return dict(zip(LENGTHS, map(float, (*lengths_px, valid.mean())), strict=True))
+    return lengths(flow_px[valid]) | {"valid_fraction": float(valid.mean())}
+
+
+def lengths(vectors_px):
+    """LENGTHS of vectors [n, 2]; empty of none: a mean over nothing is no number."""
+    if not len(vectors_px):
+        return dict.fromkeys(LENGTHS, "")
+    length_px = np.linalg.norm(vectors_px.astype(np.float64), axis=-1)
+    values = np.median(length_px), length_px.mean(), np.percentile(length_px, 95)
+    return dict(zip(LENGTHS, map(float, values), strict=True))
+
+
+def tell_unknown(rows, what, why):
+    """Log the views of `statistics` without a valid pixel; ValueError where all are."""
+    lost = [row["view"] for row in rows if not row["valid_fraction"]]
+    if lost and len(lost) == len(rows):
+        raise ValueError(f"no view has {what}: {why}")
+    if lost:
+        named = faults.some_names(lost)
+        log.warning("left out: no pixel has %s in %s: %s", what, named, why)

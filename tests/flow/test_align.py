@@ -230,6 +230,29 @@ def test_bad_folders_end_in_one_line_and_nothing_written(scene, capsys, damage, 
     assert not list(scene.glob("out/**/*"))
 
 
+@pytest.mark.parametrize("lost", [["a"], ["a", "b c", "d"]])
+def test_a_view_without_a_valid_flow_is_left_out(scene, caplog, capsys, lost):
+    """Its photo, of which nothing counts, stays as it is."""
+    (scene / "masks").mkdir()
+    for view in ("a", "b c", "d"):
+        counts = np.full((60, 80), view not in lost)
+        np.savez(scene / "masks" / f"{view}.npz", valid=counts)
+    code = align.run(arguments(scene, "--masks", str(scene / "masks")))
+    if len(lost) == 3:
+        assert code == 1
+        assert "no view has a valid flow" in capsys.readouterr().err
+        return
+    assert code == 0
+    assert len(caplog.messages) == 1
+    assert "no pixel has a valid flow in a: " in caplog.messages[0]
+    first, *others = rows(scene)
+    assert (first["median_px"], float(first["valid_fraction"])) == ("", 0)
+    assert all(float(row["valid_fraction"]) > 0.8 for row in others)
+    # What does not count is the render's.
+    render = images.read(scene / "renders" / "a.png")
+    np.testing.assert_array_equal(images.read(scene / "out/warped/a.png"), render)
+
+
 def test_without_a_folder_for_them_no_photos_are_warped(scene):
     assert align.run(arguments(scene)) == 0
     with_them = rows(scene)

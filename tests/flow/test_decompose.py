@@ -166,8 +166,9 @@ def small_depth(folder):
     np.savez(folder / "depth" / "b c.npz", depth=np.ones((4, 5)))
 
 
-def no_depth(folder):
-    np.savez(folder / "depth" / "a.npz", depth=np.full((40, 50), np.nan))
+def no_depth(folder, views=("a", "b c")):
+    for view in views:
+        np.savez(folder / "depth" / f"{view}.npz", depth=np.full((40, 50), np.nan))
 
 
 def nothing_valid(folder):
@@ -190,8 +191,7 @@ def flat_camera(folder):
     [
         (lose_depth, "depth/a.npz"),
         (small_depth, "view b c: depth (4, 5)"),
-        (no_depth, "view a: no pixel"),
-        (nothing_valid, "view a: no pixel"),
+        (no_depth, "no view has both a valid flow and a depth"),
         (all_train, "cameras.npz: no view in split 'test'"),
         (flat_camera, "view a: pixtocam is singular"),
     ],
@@ -208,6 +208,26 @@ def test_bad_input_is_one_line_and_nothing_is_written(tmp_path, capsys, damage, 
     assert reason in error
     assert (tmp_path / "decomposition.csv").read_bytes() == before
     assert {p.name for p in (tmp_path / "parts").glob("*.npz")} == {"a.npz", "b c.npz"}
+
+
+@pytest.mark.parametrize("lose", [nothing_valid, lambda one: no_depth(one, ["a"])])
+def test_a_view_without_flow_or_depth_is_left_out(tmp_path, caplog, lose):
+    """One whose flow has no pixel is told where its flow is estimated."""
+    small(tmp_path)
+    lose(tmp_path)
+    assert decompose.run(command(tmp_path)) == 0
+    assert len(caplog.messages) == (lose is not nothing_valid)
+    assert all("depth in a: " in line for line in caplog.messages)
+    path = tmp_path / "decomposition.csv"
+    one, other = pd.read_csv(path).to_dict("records")
+    assert np.isnan(one["flow_median_px"])
+    row = table_cases.written(tmp_path, {"standard": [20.0] * 2}, "m")
+    path.rename(row.files["parts"])
+    scores = pd.read_csv(row.files["scores"]).assign(view=["a", "b c"])
+    scores.to_csv(row.files["scores"], index=False)
+    table = displacement.make_table(table_cases.collect(tmp_path, [row]))
+    assert table["flow_median_px"].tolist() == [other["flow_median_px"]]
+    assert table["views"].tolist() == [1]
 
 
 def test_table_of_means_over_views(tmp_path):

@@ -36,7 +36,9 @@ def test_what_all_flows_share_is_told_from_what_each_has(rng):
 
 
 def test_a_view_without_flow_adds_nothing():
-    nothing = np.full((2, 60, 80, 2), np.nan)
+    nothing = np.full((3, 60, 80, 2), np.nan)
+    known = np.ones_like(nothing)
+    assert common_flow.of_flows([*nothing, *known]) == common_flow.of_flows(known)
     found = common_flow.of_flows(nothing)
     assert found.shift_px == (0.0, 0.0)
-    assert np.isnan(found.distortion_error_px)
+    assert np.isnan(common_flow.of_flows(nothing[:2]).distortion_error_px)

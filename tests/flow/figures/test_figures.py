@@ -121,7 +121,8 @@ def test_the_scale_leaves_out_what_is_not_valid():
     valid = np.ones((10, 10), bool)
     valid[0, 0] = False
     assert drawing.flow_scale([(flow_px, valid)]) == 5.0
-    assert drawing.median_px((flow_px[:, :5], valid[:, :5])) == 5.0
+    assert drawing.median((flow_px[:, :5], valid[:, :5])) == "5.00 px"
+    assert drawing.median((flow_px, np.zeros_like(valid))) == "no valid flow"
     assert drawing.flow_scale([(0 * flow_px, valid)]) == 0.1
     colours = drawing.coloured((flow_px, valid), 5.0)
     assert colours.shape == (10, 10, 3)
