@@ -27,6 +27,9 @@ COPY, SHARP_COPY, COPY_LEVELS, COPY_BLUR_PX = 0.8, 0.65, 0.6, 8.0
 # Levels of 8 bits: a render's tile is empty below, a photo's shows something above. The
 # share of such tiles is 0 of renders.
 EMPTY, SHOWS, MAX_EMPTY, TILES = 1.0, 6.0, 0.4, 16
+# Where a photo's background is blank, a render of its level, exposed otherwise, lacks a
+# part of the object: a model may. Above the last share it shows none of it.
+BACKGROUND, NOTHING = 64.0, 0.9
 # A render shows another photo, or is turned, where it correlates better with that, and
 # what is missing to 1 is at most half as much.
 THUMB_PX, LESS = 32, 0.5
@@ -69,12 +72,13 @@ class Seen(NamedTuple):
     """What a pair looks like.
 
     photo, render: small pictures, as `thumb` makes them. fault: of KINDS, by this pair
-    alone; None.
+    alone; None. faint: so much is missing that the rest does not say whose it is.
     """
 
     photo: np.ndarray
     render: np.ndarray
     fault: str | None
+    faint: bool
 
 
 class Checked(NamedTuple):
@@ -102,20 +106,23 @@ def look(photo, render, counts, *, whole, own=False) -> Seen:
     splat, and is no copy however good it is.
     """
     render_there = np.where(counts[..., None], render, photo)
-    fault = fault_of(photo, render, counts, whole)
+    shown = np.ones_like(counts) if whole else counts
+    missing, cut = shares_empty(photo, render, shown)
+    is_empty, faint = cut > MAX_EMPTY or missing > NOTHING, missing > MAX_EMPTY
+    fault = fault_of(photo, render, counts, is_empty, faint)
     no_fault = own and fault == "copy"
-    return Seen(thumb(photo), thumb(render_there), None if no_fault else fault)
+    return Seen(thumb(photo), thumb(render_there), None if no_fault else fault, faint)
 
 
-def fault_of(photo, render, counts, whole):
+def fault_of(photo, render, counts, is_empty, faint):
     """The first fault that a pair has by itself."""
     if (render[counts] == render[counts][:1]).all():
         return "flat"
     levels = [max(light(image[counts]), DARKEST) for image in (photo, render)]
-    if abs(np.log2(levels[0] / levels[1])) > MAX_STOPS:
+    # An object that is missing leaves a black background, and much less light.
+    if abs(np.log2(levels[0] / levels[1])) > MAX_STOPS and (is_empty or not faint):
         return "bright"
-    shown = np.ones_like(counts) if whole else counts
-    if share_empty(photo, render, shown) > MAX_EMPTY:
+    if is_empty:
         return "empty"
     own, other = detail(photo)[counts], detail(render)[counts]
     is_sharp = norm(other) > norm(own)
@@ -135,18 +142,30 @@ def apart_levels(photo, render, counts):
     return float(np.abs(own - gain * other).mean())
 
 
-def share_empty(photo, render, counts):
-    """Share of the tiles in which the photo shows something and the render nothing."""
-    shows = (spread(photo) > SHOWS) & (places(counts) > 0)
-    return (shows & (spread(render) < EMPTY)).sum() / max(shows.sum(), 1)
+def shares_empty(photo, render, counts):
+    """Of the tiles in which the photo shows something: where the render shows nothing.
+
+    And where it shows nothing that the photo does: a blank background is something.
+    """
+    (levels, own), (others, other) = map(tiles, (photo, render))
+    counted, is_blank = places(counts) > 0, np.median(own) < EMPTY
+    shows, empty = counted & (own > SHOWS), other < EMPTY
+    is_background = is_blank & (np.abs(others - np.median(levels)) < BACKGROUND)
+    due = counted if is_blank else shows
+    return share(empty, shows), share(empty & ~is_background, due)
 
 
-def spread(image):
-    """Standard deviation in each tile of a picture's luminance."""
+def share(mask, of):
+    """Share of the pixels of another mask [h, w] that are in a mask; 0 of none."""
+    return (mask & of).sum() / max(of.sum(), 1)
+
+
+def tiles(image):
+    """Mean and standard deviation in each tile of a picture's luminance."""
     values = grey(image)
     side = tile_px(values)
     mean, square = (cv2.blur(v, (side, side)) for v in (values, values**2))
-    return places(np.sqrt(np.maximum(square - mean**2, 0)))
+    return places(mean), places(np.sqrt(np.maximum(square - mean**2, 0)))
 
 
 def places(values):
@@ -214,6 +233,7 @@ def check(seen, main) -> Checked:
     for view, one in seen.items():
         if how := turned(one):
             faults.setdefault(view, ("turned", how))
+    main = [view for view in main if not seen[view].faint]
     for view in strange(names, photos, renders, undone, main):
         faults.setdefault(view, ("strange", ""))
     return Checked(len(seen), {view: faults[view] for view in seen if view in faults})

@@ -222,3 +222,28 @@ def test_no_pairs():
     found = pairs.check({}, [])
     assert not found.faults
     assert not found.stops
+
+
+def on_blank(picture, level, share=0.5):
+    """Its middle alone, before a background of a level; share: of each side."""
+    shown = np.full_like(picture, level)
+    h, w = (int(side * (1 - share) / 2) for side in picture.shape[:2])
+    shown[h:-h, w:-w] = picture[h:-h, w:-w]
+    return shown
+
+
+@pytest.mark.parametrize("level", [0, 255])
+@pytest.mark.parametrize("lost", [0.3, 0.5, 0.8])
+def test_a_model_that_lacks_much_of_an_object_has_its_photos_on_a_blank(level, lost):
+    """Whose a render is, the others say; half of another level is cut for sure."""
+    photos = [on_blank(photo, level) for photo in DISTINCT]
+    renders = [on_blank(render_of(photo), level) for photo in photos]
+    for i, render in enumerate(renders[:8]):
+        top = 30 + int(lost * 60) if i % 2 else 90 - int(lost * 60)
+        render[slice(30, top) if i % 2 else slice(top, 90)] = level
+    assert not checked(renders, photos=photos).faults
+    cut = [half(photo, 255 - level) for photo in photos]
+    assert checked(cut, photos=photos).stops
+    nothing = [on_blank(render, level, 0.1) for render in renders]
+    assert checked(nothing, photos=photos).stops
+    assert checked(renders, photos=[*photos[1:], photos[0]]).stops
