@@ -100,6 +100,9 @@ class Renderer:
         if self.mesh:
             params = devices.place(params, self.mesh)
         pixels = self.seen_by(wanted)
+        if not len(pixels):
+            size = self.height, self.width
+            return np.zeros((*size, 3), np.uint8), np.zeros(size, np.float32)
         if self.accelerated:
             with self.turn:
                 image, depth = self.on_device(params, camera, pixels)

@@ -206,6 +206,7 @@ def test_wanted_pixels_are_those_of_the_whole_render(method, rng):
         found, found_depth = render(*camera, wanted)
         np.testing.assert_array_equal(found[wanted], whole[wanted])
         np.testing.assert_array_equal(found_depth[wanted], depth[wanted])
+    assert not any(map(np.any, render(*camera, ~EVERYWHERE)))
 
 
 @pytest.mark.parametrize(

@@ -59,10 +59,12 @@ def main(argv=None):
             write(folder, planted.load(scene, out), fault)
         if not (folder / "splat.ply").is_file():
             train(folder, args.opensplat.resolve(), steps)
-        if not (out / "results" / name / "verdict.json").is_file():
-            judge(folder, out)
         case = {"name": name, "trainer": "OpenSplat", "capture": scene.name}
-        rows.append(splats.judged(out / "results", case | {"faults": fault}))
+        case |= {"faults": fault, "reading": "renders", "seed": 0, "strengths": 1}
+        if refused := judge(folder, out):
+            rows.append(case | {"refused": refused})
+        else:
+            rows.append(splats.judged(out / "results", case))
         with atomic.replace_file(out / "splat_rows.csv") as path:
             pd.DataFrame(rows).to_csv(path, index=False)
 
@@ -109,7 +111,12 @@ def train(folder, opensplat, steps):
 
 
 def judge(folder, out):
-    """`make judge` of a trained case, with results in OUT/results."""
+    """`make judge` of a trained case, with results in OUT/results; why it is refused.
+
+    A judgement that is there is not made again.
+    """
+    if (out / "results" / folder.name / "verdict.json").is_file():
+        return None
     command = [sys.executable, "-m", "alignerf", "judge", "--name", folder.name]
     for key, path in (
         ("--photos", "images"),
@@ -117,7 +124,14 @@ def judge(folder, out):
         ("--cameras", "transforms.json"),
     ):
         command += [key, str((folder / path).resolve())]
-    run([*command, "--before", "none"], folder, "judge.log", cwd=out)
+    try:
+        run([*command, "--before", "none"], folder, "judge.log", cwd=out)
+    except ValueError:
+        told = (folder / "judge.log").read_text(errors="replace").splitlines()
+        said = [line for line in told if line.startswith("error: ")]
+        if not said:
+            raise
+        return said[-1].removeprefix("error: ")
 
 
 def run(command, folder, log, cwd=None):

@@ -58,7 +58,7 @@ def judged(results, case):
     base = results / case["name"] / "theirs" / "round0"
     overfit = next(base.glob("**/overfit.csv"), None)
     known, _ = evidence.read(results / case["name"], base, overfit=overfit)
-    row = case | {"reading": "renders", "seed": 0, "strengths": 1, "refused": None}
+    row = {"reading": "renders", "seed": 0, "strengths": 1, "refused": None} | case
     row |= limits.flat(known) | {"depth": known.judged.depth}
     return row | (known.judged.scores or {})
 

@@ -17,7 +17,7 @@ from alignerf.sfm import matches
 from tests import judged_cases
 from tests.alignerf.causes.cases import MATCHES, THEIRS
 from tests.alignerf.sfm import made
-from tools.bench import faults, limits, planted, splat_cases
+from tools.bench import faults, limits, planted, splat_cases, splats
 
 COUNT = 12
 
@@ -117,6 +117,36 @@ def test_a_splat_s_case_is_as_users_have_it(variant, capture, tmp_path):
     trainer.write_text("#!/bin/sh\nexit 3\n")
     with pytest.raises(ValueError, match=r"train\.log: ended with 3"):
         splat_cases.train(folder, trainer, steps)
+
+
+@pytest.mark.parametrize("said", ["error: it shows other photos", "Traceback"])
+def test_a_splat_that_is_refused_is_recorded_and_the_next_is_judged(
+    tmp_path, monkeypatch, said
+):
+    def write(folder, *_):
+        folder.mkdir(parents=True)
+        (folder / "splat.ply").write_text("")
+
+    def run(command, folder, log, cwd=None):
+        (folder / log).write_text(f"reads\n{said}\nends")
+        if folder.name == "a_short":
+            raise ValueError(f"{log}: ended with 1")
+
+    monkeypatch.setattr(splat_cases, "write", write)
+    monkeypatch.setattr(splat_cases, "run", run)
+    monkeypatch.setattr(planted, "load", lambda *_: None)
+    monkeypatch.setattr(splats, "judged", lambda results, case: case)
+    words = [*("a", "--out", str(tmp_path), "--opensplat", "x")]
+    words += ["--variants", "short", "good"]
+    if said == "Traceback":
+        with pytest.raises(ValueError, match="ended with 1"):
+            splat_cases.main(words)
+        return
+    splat_cases.main(words)
+    short, good = pd.read_csv(tmp_path / "splat_rows.csv").to_dict("records")
+    assert (short["refused"], short["faults"]) == ("it shows other photos", "short")
+    assert good["name"] == "a_good"
+    assert not isinstance(good["refused"], str)
 
 
 def test_points_have_the_colours_of_photos(capture):

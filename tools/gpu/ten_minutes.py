@@ -138,8 +138,10 @@ def carry_out(programs, todo, out, *, seconds, clock=time.monotonic):
         state, note = worker.run(stage, limit_s=min(until - began, stage.most_s))
         return state, clock() - began, note
 
+    workers = []
+
     def compiled(stage):
-        worker = Worker(out / "log.txt")
+        workers.append(worker := Worker(out / "log.txt"))
         try:
             return run(worker, stage, end - (1 - COMPILING) * seconds)
         finally:
@@ -148,8 +150,15 @@ def carry_out(programs, todo, out, *, seconds, clock=time.monotonic):
     left = [stage for stage in todo if stage.name not in done]
     with concurrent.futures.ThreadPoolExecutor(machine.cores()) as pool:
         programs = programs if left else []
-        for stage, told in zip(programs, pool.map(compiled, programs), strict=True):
-            tell(stage, *told)
+        try:
+            for stage, told in zip(programs, pool.map(compiled, programs), strict=True):
+                tell(stage, *told)
+        except KeyboardInterrupt:
+            # The pool is left when its threads have ended, and these wait for workers.
+            pool.shutdown(wait=False, cancel_futures=True)
+            for worker in workers:
+                worker.end()
+            raise
     worker = Worker(out / "log.txt")
     try:
         for stage in left:

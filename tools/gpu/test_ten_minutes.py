@@ -3,6 +3,7 @@
 import math
 import multiprocessing
 import os
+import signal
 import subprocess
 import sys
 import time
@@ -35,20 +36,24 @@ def is_gone(mark):
     return not place.exists() or not place.read_text()
 
 
-def test_a_kill_leaves_no_process_on_the_device(tmp_path):
+@pytest.mark.parametrize("number", [signal.SIGKILL, signal.SIGINT])
+@pytest.mark.parametrize("compiles", [False, True])
+def test_what_ends_it_ends_its_processes_at_once(tmp_path, number, compiles):
+    """The device is left free: by Ctrl-C too, and while programs are compiled."""
     mark = tmp_path / "mark"
     stage = ten_minutes.Stage("hangs", 0, subprocess.run, (hanging(mark),), {})
     killed = multiprocessing.get_context("spawn").Process(
         target=ten_minutes.carry_out,
-        args=([], [stage], tmp_path),
+        args=([stage] * compiles, [stage], tmp_path),
         kwargs={"seconds": 300},
     )
     killed.start()
     while not mark.exists():
         assert killed.is_alive()
         time.sleep(0.05)
-    killed.kill()
-    killed.join()
+    os.kill(killed.pid, number)
+    killed.join(10)
+    assert not killed.is_alive()
     assert is_gone(mark)
 
 

@@ -43,13 +43,13 @@ class Worker:
 
     def end(self):
         """End the process, and what it has started."""
-        if self.pool:
+        pool, self.pool = self.pool, None
+        if pool:
             # One that is only about to begin is in no group of its own yet.
             gone = ProcessLookupError, concurrent.futures.BrokenExecutor, TimeoutError
             with contextlib.suppress(*gone):
                 os.killpg(self.pid.result(BEGINNING_S), signal.SIGKILL)
-            self.pool.shutdown(wait=False, cancel_futures=True)
-            self.pool = None
+            pool.shutdown(wait=False, cancel_futures=True)
 
 
 def begin(log):
