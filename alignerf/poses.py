@@ -191,11 +191,13 @@ def check_cameras(full, scratch, config, adjust):
 def with_checked(full, told, checked, scratch, config):
     """The views and the report with what the check of their cameras has found."""
     told = told | {"camera_check": checked.report}
+    # By points the unit of such depth is told.
+    given = config.external_renders and config.external_renders.depth
     if config.poses == "adjusted" and checked.found:
         where = config.path or config.source
         full = calibration.applied(full, checked.cameras_of(full), where)
         points = checked.found.points
-    elif full.points is not None or not base.of(config).trains:
+    elif full.points is not None or not (base.of(config).trains or given):
         return full, told
     else:
         points = checking.triangulated(checked, scratch, config.seed)[0]

@@ -26,6 +26,8 @@ log = logging.getLogger("alignerf")
 
 # Sizes that differ by rounding: by so many pixels, or by so much of a side.
 ROUNDING_PX, ROUNDING_FRACTION = 2, 0.02
+# About so many views tell the unit of their depth.
+UNIT_VIEWS = 12
 
 OPTIONS = commands.OPTIONS | {
     "[cameras]": "that renders are seen by",
@@ -82,6 +84,13 @@ def of_folders(images, depth, loaded: prepared.Scene, splits):
         maps = complete(depths.find(depth, loaded.names), names, depth)
     own, seen = prepared.read_cameras(loaded.folder / "cameras.npz"), {}
     scale, coarse = scale_of(own), None if maps else depth_of_points(loaded, own)
+
+    def depth_of(view):
+        path = maps[loaded.names[view]]
+        return fitting(depths.read(path), path, loaded, cv2.INTER_NEAREST)
+
+    every = [view for split in splits for view in loaded.views(split)] if maps else []
+    scale /= unit_of(loaded, own, depth, every, depth_of)
     if not maps:
         what = "comes from the scene's points" if coarse else "counts as infinite"
         log.info("no depth came with the renders: it %s", what)
@@ -102,8 +111,7 @@ def of_folders(images, depth, loaded: prepared.Scene, splits):
         if name not in maps:
             far = far_away((loaded.width, loaded.height))
             return image, scale * coarse(view) if coarse else far
-        values = depths.read(maps[name])
-        return image, scale * fitting(values, maps[name], loaded, cv2.INTER_NEAREST)
+        return image, scale * depth_of(view)
 
     return of_view
 
@@ -116,18 +124,34 @@ def of_pairs(loaded: prepared.Scene):
     scale, size = scale_of(own), (loaded.width, loaded.height)
     coarse = depth_of_points(loaded, own) if pairs["depth"] == "points" else None
 
+    def lens_of(view):
+        """Of a render that shows the distortion: (camtopix, distortion)."""
+        lens = pairs["views"][loaded.names[view]]["lens"]
+        return lens and tuple(map(np.array, lens))
+
+    def depth_of(view):
+        values = depths.read(given[view])
+        return depths.as_shown(values, own["pixtocams"][view], size, lens_of(view))
+
+    given = {
+        view: path
+        for view, name in enumerate(loaded.names)
+        if pairs["depth"] == "given" and (path := pairs["views"][name]["depth"])
+    }
+    where = Path(next(iter(given.values()))).parent if given else None
+    scale /= unit_of(loaded, own, where, list(given), depth_of)
+
     def of_view(view):
-        pair, pixtocam = pairs["views"][loaded.names[view]], own["pixtocams"][view]
+        pair = pairs["views"][loaded.names[view]]
         render = layouts.Render(Path(pair["render"]), pair["sheet"])
         image, _ = views.read_render(render, pairs.get("background"))
-        # Of a render that shows the distortion: (camtopix, distortion).
-        if lens := pair["lens"] and tuple(map(np.array, pair["lens"])):
+        if lens := lens_of(view):
             camtopix = np.linalg.inv(loaded.pixtocams[view])
             image = distortion.undistort(image, *lens, camtopix)
         if coarse is not None:
             depth = coarse(view)
-        elif pairs["depth"] == "given" and pair["depth"]:
-            depth = depths.as_shown(depths.read(pair["depth"]), pixtocam, size, lens)
+        elif view in given:
+            depth = depth_of(view)
         else:
             depth = far_away(size)
         return image, scale * depth
@@ -135,14 +159,32 @@ def of_pairs(loaded: prepared.Scene):
     return of_view
 
 
+def points_of(loaded):
+    """The points [m, 3] that the photos of a scene share; None without any."""
+    if not (path := loaded.folder / prepared.POINTS).is_file():
+        return None
+    return archives.read(path, ("points",))["points"]
+
+
+def unit_of(loaded, own, where, views, depth_of):
+    """`depths.unit_of` by some of the views; depth_of: view -> depth [h, w]."""
+    if not len(views) or (points := points_of(loaded)) is None:
+        return 1.0
+    step = max(len(views) // UNIT_VIEWS, 1)
+    some = (
+        (depth_of(view), own["pixtocams"][view], own["camtoworlds"][view])
+        for view in views[::step]
+    )
+    return depths.unit_of(where, points, some)
+
+
 def depth_of_points(loaded, own):
-    """View -> depth [h, w] by the points that a scene came with; None without any.
+    """View -> depth [h, w] by the points of a scene; None without any.
 
     own: its cameras as given, in whose units points and depth are.
     """
-    if not (path := loaded.folder / prepared.POINTS).is_file():
+    if (points := points_of(loaded)) is None:
         return None
-    points = archives.read(path, ("points",))["points"]
     cameras_of = own["pixtocams"], own["camtoworlds"]
     size = loaded.width, loaded.height
     return lambda v: depths.of_points(points, *(one[v] for one in cameras_of), size)

@@ -7,6 +7,7 @@ Notation: `depth` [h, w] float32 along the optical axis, in the unit of the came
 NaN or 0 where unknown, infinite where far away.
 """
 
+import logging
 from pathlib import Path
 
 import cv2
@@ -16,11 +17,18 @@ from alignerf.io import archives
 from alignerf.judged import renders
 from alignerf.scenes import cameras, distortion, photo_names
 
+log = logging.getLogger("alignerf")
+
 SUFFIXES = (".npz", ".npy")
 # Fewer points tell nothing.
 MIN_POINTS = 50
 # The side in px of a cell in which the nearest points count: those behind are hidden.
 CELL_PX = 16
+# Depth is in another unit where it is off by more than the first, and in nearly all
+# views by the same, to the second. So many points of a view and views tell it.
+OFF, ALIKE, MIN_SEEN, MIN_VIEWS = 1.2, 1.1, 20, 3
+# What units of length are of one another: mm, cm, m.
+UNITS = (10, 100, 1000)
 
 
 def find(folder, names):
@@ -84,6 +92,34 @@ def visible(points, pixtocam, camtoworld, size):
     np.minimum.at(nearest, cells, depth)
     seen = depth < 1.3 * nearest[cells]
     return column[seen], row[seen], depth[seen]
+
+
+def unit_of(where, points, views):
+    """What depth is to be divided by to have the unit of the cameras; 1 where unknown.
+
+    points [m, 3]: that photos share. views: (depth [h, w], pixtocam, camtoworld) of
+    some. Raises ValueError naming `where` for a factor that is not of two units.
+    """
+    ratios = []
+    for values, *camera in views:
+        column, row, depth = visible(points, *camera, values.shape[::-1])
+        own = values[row, column]
+        known = np.isfinite(own) & (own > 0)
+        if known.sum() >= MIN_SEEN:
+            ratios.append(np.median(own[known] / depth[known]))
+    if len(ratios) < MIN_VIEWS:
+        return 1.0
+    low, ratio, high = np.quantile(ratios, (0.1, 0.5, 0.9))
+    if 1 / OFF < ratio < OFF or high > ALIKE * low:
+        return 1.0
+    told = f"{where}: its depth is {ratio:.4g} times that of the points of the photos"
+    for unit in (*UNITS, *(1 / one for one in UNITS)):
+        if 1 / ALIKE < ratio / unit < ALIKE:
+            log.warning("%s: it is divided by %g", told, unit)
+            return unit
+    raise ValueError(
+        f"{told}: divide it by {ratio:.4g}, so that it has the unit of the cameras"
+    )
 
 
 def of_points(points, pixtocam, camtoworld, size):

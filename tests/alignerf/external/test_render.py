@@ -9,6 +9,7 @@ import pytest
 
 from alignerf.external import render
 from alignerf.io import archives, faults, images
+from alignerf.judged import depths
 from alignerf.scenes import cameras, prepared
 
 BOTH = ["train", "test"]
@@ -67,7 +68,12 @@ def test_only_the_views_that_are_asked_for_have_to_be_there(take, theirs, loaded
     assert sorted(path.name for path in out.iterdir()) == ["depth", "renders", "timing"]
 
 
-def test_depth_comes_into_the_units_of_the_scene(take, loaded, made, tmp_path):
+@pytest.mark.parametrize("unit", [1, 1000])
+def test_depth_comes_into_the_units_of_the_scene(
+    take, loaded, made, tmp_path, monkeypatch, unit
+):
+    monkeypatch.setattr(depths, "unit_of", lambda where, points, views: unit)
+    monkeypatch.setattr(render, "points_of", lambda scene: [] if unit > 1 else None)
     folder = tmp_path / "depths"
     folder.mkdir()
     rng = np.random.default_rng(0)
@@ -88,7 +94,7 @@ def test_depth_comes_into_the_units_of_the_scene(take, loaded, made, tmp_path):
     for name, split in split_of(loaded):
         found = archives.read(out / "depth" / split / f"{name}.npz", ["depth"])["depth"]
         assert found.dtype == np.float32
-        np.testing.assert_allclose(found, scale * true[name], rtol=1e-5)
+        np.testing.assert_allclose(found, scale / unit * true[name], rtol=1e-5)
 
 
 def test_depth_of_some_views_only_is_a_fault(take, loaded, tmp_path):

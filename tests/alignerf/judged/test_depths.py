@@ -167,3 +167,42 @@ def test_points_are_seen_where_they_are():
     np.testing.assert_allclose(found, depth[row, column], rtol=1e-5)
     at, _ = cameras.project(points_of(depth)[:1], PIXTOCAM, POSE)
     assert 0 <= at[0, 0] < SIZE[0]
+
+
+def seen_by(times):
+    """Points of the surface, and its depth as views have it, times so much of each."""
+    depth = surface()
+    views = [(depth * factor, PIXTOCAM, POSE) for factor in times]
+    return points_of(depth), views
+
+
+@pytest.mark.parametrize(
+    ("times", "unit"),
+    [
+        ([1.0, 1.02, 0.97, 1.0], 1),
+        ([1.15] * 4, 1),
+        # Of a model whose shape is wrong: in each view by another factor.
+        ([1.0, 2.0, 1.5, 3.0], 1),
+        ([1000.0, 1010.0, 990.0, 1000.0], 1000),
+        ([0.001] * 4, 0.001),
+        ([103.0] * 4, 100),
+        # Too few views.
+        ([2.5, 2.5], 1),
+    ],
+)
+def test_depth_in_another_unit_of_length_is_told_and_divided(times, unit, caplog):
+    assert depths.unit_of("x", *seen_by(times)) == unit
+    assert len(caplog.messages) == (unit != 1)
+    assert depths.unit_of("x", points_of(surface())[:5], seen_by(times)[1]) == 1
+
+
+@pytest.mark.parametrize("times", [1.3, 2.5, 0.4, 37.0])
+def test_depth_of_another_scale_than_the_cameras_is_refused(times):
+    why = rf"depths: its depth is {times:.4g} times that .* divide it by {times:.4g}"
+    with pytest.raises(ValueError, match=why):
+        depths.unit_of("depths", *seen_by([times] * 4))
+    unknown = [
+        (np.full_like(values, np.nan), *camera)
+        for values, *camera in seen_by([times] * 4)[1]
+    ]
+    assert depths.unit_of("depths", points_of(surface()), unknown) == 1
