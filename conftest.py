@@ -14,6 +14,10 @@ import time
 
 ROOT = pathlib.Path(__file__).resolve().parent
 
+# To rewrite the asserts of all tests takes five seconds a process: it is done once,
+# also where a shell has asked for no bytecode.
+sys.dont_write_bytecode = False
+
 # Before JAX is imported: tests run on the CPU.
 os.environ["JAX_PLATFORMS"] = "cpu"
 # COLMAP's log is nothing to leave in the temporary folder.

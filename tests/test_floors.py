@@ -11,7 +11,7 @@ import pytest
 
 ROOT = Path(__file__).resolve().parent.parent
 SOURCES = {
-    ".".join(path.relative_to(ROOT).with_suffix("").parts): ast.parse(path.read_text())
+    ".".join(path.relative_to(ROOT).with_suffix("").parts): path
     for package in ("alignerf", "flow")
     for path in sorted((ROOT / package).rglob("*.py"))
 }
@@ -61,6 +61,11 @@ JAX = {"jax", "flax", "optax"}
 MODULES = sorted(SOURCES)
 
 
+@functools.cache
+def tree_of(name):
+    return ast.parse(SOURCES[name].read_text())
+
+
 def without_types(tree):
     """A module without what it imports for a checker of types alone."""
     kept = [
@@ -71,16 +76,19 @@ def without_types(tree):
     return ast.Module(kept, tree.type_ignores)
 
 
+@functools.cache
 def imports(name):
     """Full names of all modules that a module imports, at once or when it is called."""
-    for node in ast.walk(without_types(SOURCES[name])):
+    found = set()
+    for node in ast.walk(without_types(tree_of(name))):
         if isinstance(node, ast.Import):
-            yield from (alias.name for alias in node.names)
+            found |= {alias.name for alias in node.names}
         elif isinstance(node, ast.ImportFrom):
             assert node.level == 0, f"{name}: relative import"
             inside = [f"{node.module}.{alias.name}" for alias in node.names]
             ours = [full for full in inside if full in SOURCES or is_package(full)]
-            yield from ours or [node.module]
+            found |= {*(ours or [node.module])}
+    return found
 
 
 def is_package(name):
@@ -104,7 +112,7 @@ def own_imports(name):
 
 def is_entry(name):
     """Whether `python -m name` runs it."""
-    return "__name__ == '__main__'" in ast.unparse(SOURCES[name])
+    return "__name__ == '__main__'" in ast.unparse(tree_of(name))
 
 
 def folder(name):
@@ -241,7 +249,7 @@ def test_nothing_is_unpickled_evaluated_or_repaired_in_silence():
     found = [
         (name, node.lineno, fault)
         for name in MODULES
-        for node in ast.walk(SOURCES[name])
+        for node in ast.walk(tree_of(name))
         if (fault := silent(node))
     ]
     assert not found
@@ -355,7 +363,7 @@ def raw_reads(tree):
 
 def test_files_are_read_by_the_readers_alone():
     """They say what is wrong, in a line, before it takes memory or time."""
-    reads = {name: set(raw_reads(tree)) for name, tree in SOURCES.items()}
+    reads = {name: set(raw_reads(tree_of(name))) for name in MODULES}
     assert {name: found for name, found in reads.items() if found} == MAY_READ
 
 
