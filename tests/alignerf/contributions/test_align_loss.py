@@ -137,12 +137,12 @@ def test_pixels_that_do_not_exist_are_never_read(rng):
     found = align(render, photo, valid)
     assert tuple(found.offset_px.tolist()) == min(costs, key=costs.get)
     assert found.offset_px[0] >= 0
-    assert jnp.all(jnp.isfinite(found.patch))
+    assert np.all(np.isfinite(found.patch))
 
 
 @pytest.mark.parametrize("share", [0.02, 0.5, 0.98])
 def test_holes_of_a_mask_are_left_out(rng, share):
-    gradient = jax.grad(loss_of)
+    gradient = jax.jit(jax.grad(loss_of))
     for _ in range(5):
         render, photo = float32(
             rng.uniform(size=(12, 12, 3)), rng.uniform(size=(18, 18, 3))
@@ -150,7 +150,7 @@ def test_holes_of_a_mask_are_left_out(rng, share):
         valid = np.float32(rng.uniform(size=(18, 18)) < share)
         photo[valid == 0] = np.nan
         costs = brute_force(render, photo, valid)
-        found = align(render, photo, valid)
+        found = jax.tree.map(np.asarray, align(render, photo, valid))
         x, y = offset = tuple(found.offset_px.tolist())
         assert costs[offset] == min(costs.values())
         assert float(found.cost) == pytest.approx(costs[offset], rel=1e-5, abs=1e-12)
@@ -171,7 +171,7 @@ def test_without_any_pixel_there_is_no_loss_and_no_gradient(rng):
     render = np.float32(rng.uniform(size=(8, 8, 3)))
     photo, valid = np.full((12, 12, 3), np.nan, np.float32), 0 * whole(12)
     assert align(render, photo, valid).offset_px.tolist() == [0, 0]
-    value, slope = jax.value_and_grad(loss_of)(render, photo, valid)
+    value, slope = jax.jit(jax.value_and_grad(loss_of))(render, photo, valid)
     assert value == 0
     assert not np.any(slope)
 
@@ -180,12 +180,13 @@ def test_without_any_pixel_there_is_no_loss_and_no_gradient(rng):
 def test_the_gradient_is_that_of_the_best_patch_and_of_the_render_alone(rng, contrast):
     render, photo = make_patches("noisy", contrast, rng)
     best = np.float64(align(render, photo, whole()).patch)
-    of_render, of_photo = jax.grad(loss_of, argnums=(0, 1))(render, photo, whole())
+    both = jax.jit(jax.grad(loss_of, argnums=(0, 1)))
+    of_render, of_photo = both(render, photo, whole())
     scale = contrast * 1e-6
     np.testing.assert_allclose(of_render, 2 * (render - best), rtol=1e-5, atol=scale)
     assert not np.any(of_photo)
-    of_search = jax.grad(lambda r: jnp.sum(align(r, photo, whole()).patch))(render)
-    assert not np.any(of_search)
+    of_search = jax.grad(lambda r: jnp.sum(align(r, photo, whole()).patch))
+    assert not np.any(jax.jit(of_search)(render))
 
 
 def test_sizes_that_leave_no_offset_are_refused(rng):

@@ -1,5 +1,7 @@
 """The aligned loss of single rays: offsets, aligned photos, running costs."""
 
+import functools
+
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -30,6 +32,7 @@ def tiles(patch_px=40):
     return aligned_loss.tiles_of(SIZE, 2, patch_px, RADIUS)
 
 
+@functools.partial(jax.jit, static_argnums=(1, 2))
 def drawn(views, count=4000, patch_px=40):
     """Rays with their surroundings."""
     rays = batches.draw_rays(jax.random.key(0), 0, views, count, 1)
@@ -60,12 +63,15 @@ def pixels_of(batch):
     return np.round(x).astype(int), np.round(y).astype(int)
 
 
-def found(views, batch, rgb, count=8, patch_rays=RAYS, penalty=PENALTY):
-    sums, rays = aligned_loss.summed(
-        jnp.asarray(rgb, jnp.float32), batch, tiles(), count
-    )
+@jax.jit
+def found(batch, rgb):
+    sums, rays = aligned_loss.summed(rgb.astype(jnp.float32), batch, tiles(), 8)
     costs = sums / jnp.maximum(rays, 1)[:, None, None]
-    return np.asarray(aligned_loss.offsets_px(costs, patch_rays, penalty))
+    return aligned_loss.offsets_px(costs, RAYS, PENALTY)
+
+
+offsets_px = jax.jit(aligned_loss.offsets_px)
+aligned_photo = jax.jit(aligned_loss.aligned_photo)
 
 
 @pytest.mark.parametrize(
@@ -74,7 +80,7 @@ def found(views, batch, rgb, count=8, patch_rays=RAYS, penalty=PENALTY):
 def test_the_offset_of_a_render_is_found(views, offset_px):
     """To a tenth of a pixel, and never beyond the rim of the search."""
     batch = drawn(views)
-    offsets = found(views, batch, shifted(views, batch, offset_px))
+    offsets = found(batch, shifted(views, batch, offset_px))
     assert offsets.shape == (8, 2)
     np.testing.assert_allclose(offsets, [offset_px] * 8, atol=0.15)
     assert np.abs(offsets).max() <= RADIUS
@@ -89,7 +95,7 @@ def test_each_tile_has_an_offset_of_its_own(views):
     for tile, move in enumerate(moves):
         own = np.asarray(batch.tile) == tile
         rgb[own] = shifted(views, batch, move)[own]
-    np.testing.assert_allclose(found(views, batch, rgb), moves, atol=0.2)
+    np.testing.assert_allclose(found(batch, rgb), moves, atol=0.2)
 
 
 def test_errors_are_those_of_float64_on_bright_flat_photos(views, rng):
@@ -97,7 +103,7 @@ def test_errors_are_those_of_float64_on_bright_flat_photos(views, rng):
     batch = drawn(views, 50)
     around = rng.integers(252, 256, batch.around.shape).astype(np.uint8)
     rgb = np.float32(1 - 1e-4 * rng.uniform(size=(50, 3)))
-    errors = aligned_loss.squared_errors(
+    errors = jax.jit(aligned_loss.squared_errors)(
         jnp.asarray(rgb), batch._replace(around=jnp.asarray(around))
     )
     wanted = around / 255.0 - np.float64(rgb)[:, None, None]
@@ -107,26 +113,26 @@ def test_errors_are_those_of_float64_on_bright_flat_photos(views, rng):
 def test_nothing_to_tell_moves_nothing(views):
     """Tiles without rays, and flat photos, where all offsets are alike."""
     zeros = jnp.zeros((5, 9, 9))
-    np.testing.assert_array_equal(aligned_loss.offsets_px(zeros, RAYS, PENALTY), 0)
-    np.testing.assert_array_equal(aligned_loss.offsets_px(zeros, RAYS, 0.0), 0)
+    np.testing.assert_array_equal(offsets_px(zeros, RAYS, PENALTY), 0)
+    np.testing.assert_array_equal(offsets_px(zeros, RAYS, 0.0), 0)
     flat = views._replace(photos=jnp.full_like(views.photos, 200))
     batch = drawn(flat)
     rgb = jnp.full((len(batch.tile), 3), 0.5)
-    np.testing.assert_allclose(found(flat, batch, rgb), 0, atol=1e-6)
+    np.testing.assert_allclose(found(batch, rgb), 0, atol=1e-6)
 
 
 @pytest.mark.parametrize("scale", [0.0, 1e-30, 1e-12, 1.0, 3.0])
 def test_offsets_stay_within_the_search_at_any_scale(rng, scale):
     costs = jnp.asarray(scale * rng.uniform(size=(200, 9, 9)), jnp.float32)
     for penalty in (0.0, PENALTY, 1e6):
-        offsets = np.asarray(aligned_loss.offsets_px(costs, RAYS, penalty))
+        offsets = np.asarray(offsets_px(costs, RAYS, penalty))
         assert np.isfinite(offsets).all()
         assert np.abs(offsets).max() <= RADIUS
 
 
 def test_where_nothing_moves_the_photo_is_the_baselines_to_the_bit(views):
     batch = drawn(views)
-    photo, weight = aligned_loss.aligned_photo(batch, jnp.zeros((4000, 2)))
+    photo, weight = aligned_photo(batch, jnp.zeros((4000, 2)))
     np.testing.assert_array_equal(photo, batch.photo)
     np.testing.assert_array_equal(weight, batch.weight)
 
@@ -135,7 +141,7 @@ def test_where_nothing_moves_the_photo_is_the_baselines_to_the_bit(views):
 def test_the_aligned_photo_is_the_photo_at_the_offset(views, offset_px):
     batch = drawn(views)
     offsets = jnp.tile(jnp.asarray(offset_px, jnp.float32), (4000, 1))
-    photo, weight = map(np.asarray, aligned_loss.aligned_photo(batch, offsets))
+    photo, weight = map(np.asarray, aligned_photo(batch, offsets))
     wanted = shifted(views, batch, offset_px)
     x, y = pixels_of(batch)
     x, y = x + offset_px[0], y + offset_px[1]
@@ -152,8 +158,8 @@ def test_the_aligned_photo_is_the_photo_at_the_offset(views, offset_px):
 def test_tiles_at_the_rim_of_the_search_keep_their_rays(views, offset_px):
     """Also where the best place lies beyond it."""
     batch = drawn(views)
-    offsets = found(views, batch, shifted(views, batch, offset_px))
-    photo, weight = aligned_loss.aligned_photo(batch, jnp.asarray(offsets)[batch.tile])
+    offsets = found(batch, shifted(views, batch, offset_px))
+    photo, weight = aligned_photo(batch, jnp.asarray(offsets)[batch.tile])
     x, y = pixels_of(batch)
     inside = (abs(x - 39.5) < 34) & (abs(y - 29.5) < 24)
     assert np.all(np.asarray(weight)[inside] == 1)
@@ -170,10 +176,10 @@ def test_pixels_that_do_not_count_are_seen_by_nobody(views, rng):
         drawn(masked._replace(photos=photos)) for photos in (views.photos, other)
     )
     rgb = shifted(views, batch, (1, 1))
-    np.testing.assert_array_equal(found(views, batch, rgb), found(views, spoilt, rgb))
-    np.testing.assert_allclose(found(views, batch, rgb), 1, atol=0.5)
+    np.testing.assert_array_equal(found(batch, rgb), found(spoilt, rgb))
+    np.testing.assert_allclose(found(batch, rgb), 1, atol=0.5)
     offsets = jnp.full((4000, 2), 0.5)
-    ours, theirs = (aligned_loss.aligned_photo(b, offsets) for b in (batch, spoilt))
+    ours, theirs = (aligned_photo(b, offsets) for b in (batch, spoilt))
     np.testing.assert_array_equal(ours[1], theirs[1])
     seen = np.asarray(ours[1]) > 0
     np.testing.assert_array_equal(ours[0][seen], theirs[0][seen])
@@ -205,7 +211,10 @@ def test_costs_become_the_mean_of_the_last_rays(views, count, patch_rays):
         assert value == 0
         if wanted is None:
             batch = drawn(views, 4800)
-            sums, rays = aligned_loss.summed(jnp.full((4800, 3), 0.5), batch, shape, 8)
+            grey = jnp.full((4800, 3), 0.5)
+            sums, rays = jax.jit(lambda *of: aligned_loss.summed(*of, shape, 8))(
+                grey, batch
+            )
             wanted = sums / rays[:, None, None]
         far.append(float(jnp.max(jnp.abs(costs - wanted))))
     assert far[-1] < 0.1 * 7

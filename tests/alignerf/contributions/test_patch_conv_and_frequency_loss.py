@@ -1,5 +1,7 @@
 """Patch convolution and high-frequency loss, against slow twins and at the extremes."""
 
+import functools
+
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -17,39 +19,39 @@ from tools.bench import cases
 # Patch convolution
 
 
+HEAD = patch_conv.PatchConv()
+
+
 def feature_image(rng, features=6, size=(20, 17)):
     low, high = -shading.PADDING, 1 + shading.PADDING
-    return jnp.asarray(rng.uniform(low, high, (*size, features)), jnp.float32)
+    return np.float32(rng.uniform(low, high, (*size, features)))
 
 
 def test_patch_convolution_starts_as_the_identity_on_colour(rng):
     f = feature_image(rng)
-    f = f.at[0, 0].set(-shading.PADDING).at[5, 5].set(1 + shading.PADDING)
-    head = patch_conv.PatchConv()
-    rgb = head.apply(head.init(jax.random.key(0), f), f)
+    f[0, 0], f[5, 5] = -shading.PADDING, 1 + shading.PADDING
+    rgb = jax.jit(HEAD.apply)(jax.jit(HEAD.init)(jax.random.key(0), f), f)
     np.testing.assert_allclose(rgb, f[..., :3], atol=1e-5)
 
 
 def test_patch_convolution_learns_from_all_features(rng):
     f = feature_image(rng)
-    head = patch_conv.PatchConv()
-    params = head.init(jax.random.key(0), f)
+    params = jax.jit(HEAD.init)(jax.random.key(0), f)
 
     def first_step(params):
-        return jnp.sum(head.apply(params, f) ** 2)
+        return jnp.sum(HEAD.apply(params, f) ** 2)
 
-    grads = jax.grad(first_step)(params)
-    params = jax.tree.map(lambda p, g: p - 1e-3 * g, params, grads)
-    to_features = jax.grad(lambda f: jnp.sum(head.apply(params, f)))(f)
-    assert jnp.all(jnp.abs(to_features).max(axis=(0, 1)) > 0)
+    grads = jax.jit(jax.grad(first_step))(params)
+    params = jax.tree.map(lambda p, g: np.asarray(p) - 1e-3 * g, params, grads)
+    to_features = jax.jit(jax.grad(lambda f: jnp.sum(HEAD.apply(params, f))))(f)
+    assert np.all(np.abs(to_features).max(axis=(0, 1)) > 0)
 
 
 def test_patch_convolution_equals_scipy_with_mirrored_borders(rng):
     f = feature_image(rng, features=4, size=(9, 11))
-    head = patch_conv.PatchConv()
-    params = head.init(jax.random.key(3), f)
+    params = jax.jit(HEAD.init)(jax.random.key(3), f)
     params = jax.tree.map(
-        lambda p: p + 0.1 * jnp.asarray(rng.normal(size=p.shape)), params
+        lambda p: np.float32(p + 0.1 * rng.normal(size=p.shape)), params
     )
     x = np.pad(np.asarray(f, np.float64), ((3, 3), (3, 3), (0, 0)), mode="reflect")
     for layer in range(3):
@@ -68,12 +70,12 @@ def test_patch_convolution_equals_scipy_with_mirrored_borders(rng):
         x = np.maximum(x + bias, 0)
     dense = params["params"]["Dense_0"]
     wanted = x @ np.asarray(dense["kernel"]) + np.asarray(dense["bias"])
-    np.testing.assert_allclose(head.apply(params, f), wanted, atol=1e-4)
+    np.testing.assert_allclose(jax.jit(HEAD.apply)(params, f), wanted, atol=1e-4)
 
 
 def test_patch_convolution_refuses_what_cannot_be_reflected(rng):
     with pytest.raises(ValueError, match="too small"):
-        patch_conv.PatchConv().init(jax.random.key(0), feature_image(rng, size=(3, 9)))
+        HEAD.init(jax.random.key(0), feature_image(rng, size=(3, 9)))
 
 
 def test_published_size_of_the_contribution():
@@ -100,21 +102,23 @@ def test_published_size_of_the_contribution():
 
 # High-frequency loss
 
+of_the_bank = jax.jit(
+    functools.partial(frequency_loss.frequency_loss, frequency_loss.bank_features)
+)
+
 
 def test_bank_is_blind_to_brightness_and_sees_edges(rng):
-    flat = jnp.full((1, 16, 16, 3), 0.7)
+    features = jax.jit(frequency_loss.bank_features)
+    flat = np.full((1, 16, 16, 3), 0.7, np.float32)
     # At the borders of a patch too, which are most of it.
-    np.testing.assert_allclose(frequency_loss.bank_features(flat), 0.0, atol=1e-6)
-    edge = flat.at[:, :, 8:].set(0.2)
-    assert jnp.abs(frequency_loss.bank_features(edge)).max() > 0.1
+    np.testing.assert_allclose(features(flat), 0.0, atol=1e-6)
+    flat[:, :, 8:] = 0.2
+    assert np.abs(features(flat)).max() > 0.1
 
 
 def test_the_loss_of_the_bank_equals_a_float64_twin(rng):
     photo, render = rng.uniform(size=(2, 3, 14, 11, 3))
-    found = frequency_loss.frequency_loss(
-        frequency_loss.bank_features,
-        *(jnp.asarray(x, jnp.float32) for x in (photo, render)),
-    )
+    found = of_the_bank(*np.float32([photo, render]))
     kernels = [
         frequency_loss.derivative_kernel(sigma, np.pi * k / 4)
         for sigma in (0.7, 1.4)
@@ -140,15 +144,7 @@ def test_frequency_loss_prefers_the_sharper_render(rng):
     renders = [
         ndimage.gaussian_filter(photo, (0, s, s, 0)) for s in (0.0, 0.5, 1.0, 2.0)
     ]
-    found = [
-        float(
-            frequency_loss.frequency_loss(
-                frequency_loss.bank_features,
-                *(jnp.asarray(x, jnp.float32) for x in (photo, r)),
-            )
-        )
-        for r in renders
-    ]
+    found = [float(of_the_bank(*np.float32([photo, r]))) for r in renders]
     assert found[0] == 0
     assert found == sorted(found)
 
@@ -164,7 +160,7 @@ def test_vgg_features_equal_a_float64_twin(shared_data, rng):
         windows = np.lib.stride_tricks.sliding_window_view(padded, (3, 3), axis=(0, 1))
         x = np.einsum("hwcij,ijco->hwo", windows, w[f"{layer}_w"]) + w[f"{layer}_b"]
         x = np.maximum(x, 0)
-    found = convnet.vgg19_features(path)(jnp.asarray(rgb, jnp.float32))
+    found = jax.jit(convnet.vgg19_features(path))(jnp.asarray(rgb, jnp.float32))
     np.testing.assert_allclose(found[0], x, rtol=1e-4, atol=1e-4)
 
 

@@ -19,7 +19,7 @@ def finite(function, *arguments):
         cotangent = [jnp.asarray(draw(leaf.shape), jnp.float32) for leaf in leaves]
         for leaf in (*leaves, *pull(jax.tree.unflatten(structure, cotangent))):
             assert np.all(np.isfinite(leaf))
-    return value
+    return jax.tree.map(np.asarray, value)
 
 
 # Along the axes and between them, at all distances.

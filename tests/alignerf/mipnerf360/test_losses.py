@@ -27,15 +27,15 @@ def test_interlevel_loss(rng):
     # loss; the divisor w + EPS takes off as much again.
     twins.assert_close(found, wanted, atol=9 * 4 * EPS)
     # Nothing to teach where the bound is the histogram itself.
-    assert np.max(stepfun.interlevel_loss(*histogram, *histogram)) < 9 * EPS
+    same = jax.jit(stepfun.interlevel_loss)(*histogram, *histogram)
+    assert np.max(same) < 9 * EPS
 
 
 def test_interlevel_loss_teaches_the_proposal_only(rng):
     # An interval's share is 2 (w - bound) / w: of a mass near EPS nothing is known.
     histogram, (t, w) = histograms(rng, 9, power=0.3), histograms(rng, 14)
-    grads = jax.grad(
-        lambda *x: jnp.sum(stepfun.interlevel_loss(*x)), argnums=(0, 1, 3)
-    )(*histogram, t, w)
+    of = jax.grad(lambda *x: jnp.sum(stepfun.interlevel_loss(*x)), argnums=(0, 1, 3))
+    grads = jax.jit(of)(*histogram, t, w)
     assert not np.any(grads[0])
     assert not np.any(grads[1])
     histogram, (t, w) = twins.f64(*histogram), twins.f64(t, w)
@@ -51,7 +51,8 @@ def test_distortion_loss(rng, start, width):
     found = jax.jit(stepfun.distortion_loss)(t, w)
     wanted = twins.distortion_loss(*twins.f64(t, w))
     twins.assert_close(found, wanted)
-    found = jax.grad(lambda w: jnp.sum(stepfun.distortion_loss(t, w)))(w)
+    of = jax.grad(lambda w, t: jnp.sum(stepfun.distortion_loss(t, w)))
+    found = jax.jit(of)(w, t)
     t, w = twins.f64(t, w)
     wanted = twins.gradient(lambda w: twins.distortion_loss(t, w), w)
     twins.assert_close(found, wanted)
@@ -61,11 +62,12 @@ def test_distortion_loss_is_the_integral(rng):
     """Eq. 14: the double integral of p(u) p(v) |u - v|, 100 points a bin."""
     share = (np.arange(100) + 0.5) / 100
     histogram = twins.f64(*(x[:20] for x in histograms(rng, 5)))
+    loss = jax.jit(stepfun.distortion_loss)
     for t, w in zip(*histogram, strict=True):
         u = (t[:-1, None] + share * np.diff(t)[:, None]).ravel()
         mass = np.repeat(w / 100, 100)
         wanted = mass @ np.abs(u[:, None] - u[None]) @ mass
-        found = float(stepfun.distortion_loss(*twins.f32(t, w)))
+        found = float(loss(*twins.f32(t, w)))
         assert found == pytest.approx(wanted, rel=1e-3)
 
 
@@ -75,12 +77,12 @@ def test_charbonnier(rng, spread):
     photo = rng.uniform(size=(1000, 3))
     colour = photo + spread * rng.normal(size=photo.shape)
     colour, photo, weight = twins.f32(colour, photo, rng.uniform(size=1000))
-    found = jax.vmap(losses.charbonnier)(
+    found = jax.jit(jax.vmap(losses.charbonnier))(
         colour[:, None], photo[:, None], weight[:, None]
     )
     each = zip(
         *twins.f64(colour[:, None], photo[:, None], weight[:, None]), strict=True
     )
     twins.assert_close(found, np.array([twins.charbonnier(*ray) for ray in each]))
-    found = losses.charbonnier(colour, photo, weight)
+    found = jax.jit(losses.charbonnier)(colour, photo, weight)
     twins.assert_close(found, twins.charbonnier(*twins.f64(colour, photo, weight)))

@@ -14,7 +14,7 @@ COUNT = 2000
 
 
 def cone(t0, t1, radius=0.1):
-    return render.cast_cones(
+    return jax.jit(render.cast_cones)(
         jnp.array([t0, t1], jnp.float32),
         jnp.zeros(3),
         jnp.array([0.0, 0.0, -1.0]),
@@ -76,7 +76,8 @@ def test_what_passes_shows_the_background(rng, background):
     weights, values = twins.f32(
         kept[:, None] * rng.dirichlet(np.ones(8), COUNT), rng.uniform(size=(COUNT, 5))
     )
-    found = render.before(background, jnp.asarray(values), weights)
+    before = jax.jit(functools.partial(render.before, background))
+    found = before(jnp.asarray(values), weights)
     light = {"black": 0.0, "white": 1.0}[background]
     weights, values = twins.f64(weights, values)
     passed = 1 - weights.sum(axis=-1, keepdims=True)
@@ -90,7 +91,7 @@ def test_the_gradient_of_the_weights(rng):
     density, t, d, cotangent = twins.f32(
         density, t, rng.normal(size=(COUNT, 3)), rng.normal(size=density.shape)
     )
-    _, pull = jax.vjp(lambda x: render.alpha_weights(x, t, d), density)
+    _, pull = jax.vjp(jax.jit(lambda x: render.alpha_weights(x, t, d)), density)
     (found,) = pull(cotangent)
     density, t, d, cotangent = twins.f64(density, t, d, cotangent)
     wanted = twins.gradient(
@@ -108,8 +109,8 @@ def test_values_and_depth_are_integrated(rng):
     t = np.cumsum(10 ** rng.uniform(-3, 3, (COUNT, 17)), axis=-1)
     values = rng.normal(size=(3, COUNT, 16))
     weights, t, values = twins.f32(weights, t, values)
-    found = render.integrate(weights, values)
+    found = jax.jit(render.integrate)(weights, values)
     wanted = np.einsum("rs,crs->rc", *twins.f64(weights, values))
     twins.assert_close(found, wanted, scale=np.abs(values).max())
     wanted = twins.median_distance(*twins.f64(weights, t))
-    twins.assert_close(render.median_distance(weights, t), wanted)
+    twins.assert_close(jax.jit(render.median_distance)(weights, t), wanted)
