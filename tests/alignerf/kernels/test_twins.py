@@ -50,7 +50,7 @@ def test_what_is_looked_up_and_its_gradients(rng, features, points, moving):
 
         learnt = (0, 1, 2) if moving else (0,)
         arrays = map(jnp.asarray, (table, at, share))
-        return jax.value_and_grad(total, learnt, has_aux=True)(*arrays)
+        return jax.jit(jax.value_and_grad(total, learnt, has_aux=True))(*arrays)
 
     ((_, found), grads), ((_, wanted), wanted_grads) = of(True), of(False)
     close(found, wanted)
@@ -82,7 +82,8 @@ def test_the_gradient_in_a_point_is_its_cell_s_slope(rng, place):
         found = calls.look_up(jnp.asarray(table), *columns, LEVELS, True)
         return jnp.sum(found.reshape(4, 2) * weights)
 
-    of_at, of_share = jax.grad(total, (0, 1))(jnp.asarray(at), jnp.asarray(share))
+    slopes = jax.jit(jax.grad(total, (0, 1)))
+    of_at, of_share = slopes(jnp.asarray(at), jnp.asarray(share))
     along = [np.sum((one - here) / step * weights * share[:, None]) for one in moved]
     np.testing.assert_allclose(of_at, along, rtol=1e-4, atol=1e-3)
     np.testing.assert_allclose(of_share, (here * weights).sum(-1), atol=1e-5)
@@ -112,18 +113,27 @@ def arrays(*every):
     return [x if x is None else jnp.asarray(x, jnp.float32) for x in every]
 
 
-@pytest.mark.parametrize("dilation", [None, 0.0, 0.01, 2.0])
+def resampled(count, dilation):
+    """(t, w, jitter, anneal) -> what the kernel samples, and what its twin does."""
+    ways = calls.resample, stepfun.resample
+    return jax.jit(lambda *of: [way(*of, count, dilation=dilation) for way in ways])
+
+
 @pytest.mark.parametrize(
-    ("bins", "count", "jittered"),
-    [(1, 1, True), (1, 8, False), (32, 16, True), (200, 33, False)],
+    ("bins", "count", "jittered", "dilation"),
+    [
+        *((1, 1, True, None), (1, 1, True, 2.0), (1, 8, False, 0.01)),
+        *((32, 16, True, dilation) for dilation in (None, 0.0, 0.01, 2.0)),
+        *((200, 33, False, None), (200, 33, False, 0.01)),
+    ],
 )
 def test_resampling(rng, bins, count, jittered, dilation):
     t, w = edges_and_mass(rng, 16, bins)
     jitter = rng.random(16).astype(np.float32) if jittered else None
+    both = resampled(count, dilation)
     for anneal in (0.0, 0.4, 1.0):
-        arguments = (*arrays(t, w, jitter, anneal), count)
-        found = calls.resample(*arguments, dilation=dilation)
-        close(found, stepfun.resample(*arguments, dilation=dilation), to=2e-5)
+        found, wanted = both(*arrays(t, w, jitter, anneal))
+        close(found, wanted, to=2e-5)
 
 
 @pytest.mark.parametrize("dilation", [None, 0.02])
@@ -146,9 +156,9 @@ def test_histograms_at_their_extremes_are_resampled_alike(dilation, anneal):
     ]
     t, w = (np.array(part, np.float32) for part in zip(*rays, strict=True))
     jitter = np.full(len(t), 0.37, np.float32)
-    arguments = (*arrays(t, w, jitter, anneal), 6)
-    found = np.asarray(calls.resample(*arguments, dilation=dilation))
-    wanted = np.asarray(stepfun.resample(*arguments, dilation=dilation))
+    found, wanted = map(
+        np.asarray, resampled(6, dilation)(*arrays(t, w, jitter, anneal))
+    )
     np.testing.assert_array_equal(np.isnan(found), np.isnan(wanted))
     close(found, wanted, to=2e-5)
     assert (np.diff(found[np.isfinite(found).all(axis=-1)]) >= 0).all()
@@ -177,7 +187,7 @@ def test_the_loss_of_proposals_and_its_gradient(rng, bins, others):
 
     def of(loss):
         total = lambda w_other: jnp.sum(weights * loss(t, w, t_other, w_other))  # noqa: E731
-        return loss(t, w, t_other, w_other), jax.grad(total)(w_other)
+        return jax.jit(loss)(t, w, t_other, w_other), jax.jit(jax.grad(total))(w_other)
 
     for found, wanted in zip(
         of(calls.interlevel), of(stepfun.interlevel_loss), strict=True
