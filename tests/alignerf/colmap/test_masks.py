@@ -4,7 +4,6 @@ import json
 
 import numpy as np
 import pytest
-from PIL import Image
 
 from alignerf import evaluate, export, testsets
 from alignerf.readers import transforms
@@ -70,18 +69,6 @@ def test_hidden_pixels_are_not_scored(scene):
     )
     assert right["psnr_db"] == found["psnr_db"]
     assert right["exposure_ev"] == found["exposure_ev"]
-
-
-def test_masks_are_exported(scene, tmp_path):
-    export.main(["--scene", str(scene), "--out", str(tmp_path / "out")])
-    frames = json.loads((tmp_path / "out/transforms.json").read_text())["frames"]
-    names = prepared.load(scene).names
-    assert len(frames) == len(names)
-    for frame in frames:
-        mask = np.asarray(Image.open(tmp_path / "out" / frame["mask_path"]))
-        assert mask.ndim == 2
-        assert not mask[:, :HIDDEN].any()
-        assert (mask[:, HIDDEN:] == 255).all()
 
 
 def test_a_mask_becomes_smaller_with_its_photo_and_keeps_no_mixed_pixel(tmp_path):

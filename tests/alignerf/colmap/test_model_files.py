@@ -1,7 +1,5 @@
 """COLMAP's files are read as COLMAP writes them, and never believed."""
 
-import os
-
 import numpy as np
 import pycolmap
 import pytest
@@ -52,15 +50,6 @@ def test_a_model_is_read_as_colmap_has_it(made, tmp_path, as_text):
     points = {tuple(p.xyz.round(9)): p.color for p in made.points3D.values()}
     for xyz, colour in zip(*found.points, strict=True):
         np.testing.assert_array_equal(points[tuple(xyz.round(9))], colour)
-
-
-@pytest.mark.usefixtures("ten_seconds")
-@pytest.mark.parametrize("name", FILES)
-def test_a_pipe_is_not_waited_for(model, name):
-    (model / name).unlink()
-    os.mkfifo(model / name)
-    with pytest.raises(ValueError, match=rf"{name}: not a file|without {name}"):
-        colmap_models.cameras_of(model)
 
 
 @pytest.mark.parametrize("name", FILES)

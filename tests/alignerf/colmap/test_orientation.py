@@ -33,19 +33,6 @@ def test_turns_make_a_photo_stand_as_it_was_meant_to(number):
     assert (lays[3].kind == "sensor") == (number in ingest.TURNS)
 
 
-@pytest.mark.parametrize("number", range(1, 9))
-def test_upright_is_what_pillow_calls_so(tmp_path, number, rng):
-    from PIL import Image
-
-    stored = rng.integers(0, 256, (5, 7, 3), dtype=np.uint8)
-    exif = Image.Exif()
-    exif[0x0112] = number
-    Image.fromarray(stored).save(tmp_path / "a.png", exif=exif)
-    upright, _ = photos.decode(tmp_path / "a.png")
-    np.testing.assert_array_equal(photos.UPRIGHT[number](stored), upright)
-    assert ingest.upright_size((7, 5), number) == upright.shape[1::-1]
-
-
 def test_photos_across_without_a_word_are_turned_back():
     stored = np.arange(12, dtype=np.uint8).reshape(4, 3, 1)
     sizes, lays = lay_alike([((4, 3), 1)] * 2 + [((3, 4), 1)])

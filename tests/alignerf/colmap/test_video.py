@@ -196,12 +196,6 @@ def test_a_list_of_other_files_is_no_film(tmp_path, form):
         video.extract(tmp_path / "a.mp4", tmp_path)
 
 
-def test_a_pipe_is_no_film(tmp_path):
-    os.mkfifo(tmp_path / "a.mp4")
-    with pytest.raises(ValueError, match=r"a\.mp4: not a file"):
-        video.extract(tmp_path / "a.mp4", tmp_path)
-
-
 def test_frames_that_change_their_size_are_named_or_taken(tmp_path, monkeypatch):
     film = write_film(tmp_path / "a.avi", [(64, 48)] * 2)
     sizes = [(48, 64, 3), (64, 48, 3), (48, 64, 3)]

@@ -40,21 +40,6 @@ def entry(name, **more):
     return content | {"position": [1, 2, 3], "rotation": turn} | more
 
 
-def test_gaussian_splatting(tmp_path):
-    """Its axes are OpenCV's: what it calls forward is minus z of ours."""
-    path = tmp_path / "cameras.json"
-    path.write_text(
-        json.dumps([entry("v00"), entry("v01.jpg", position=[2**70, 0, 0])])
-    )
-    found = camera_files.read(tmp_path)
-    assert found.shots[1].pose[0, 3] == 2**70
-    assert [shot.name for shot in found.shots] == ["v00", "v01.jpg"]
-    pose = found.shots[0].pose
-    np.testing.assert_allclose(pose[:, 3], [1, 2, 3])
-    np.testing.assert_allclose(-pose[:, 2], [0, -1, 0])
-    np.testing.assert_allclose(found.shots[0].lens[0][:2, 2], [80, 60])
-
-
 @pytest.mark.parametrize(
     ("content", "says"),
     [
@@ -157,21 +142,3 @@ def test_colours_and_what_is_not_finite(tmp_path):
     positions, colours = camera_files.read_points(tmp_path / "p.ply")
     assert positions.tolist() == [[1, 2, 3]]
     assert colours.tolist() == [[9, 8, 7]]
-
-
-def test_what_other_programs_write(tmp_path):
-    """Bundler does not say the photos' size."""
-    path = tmp_path / "bundle.out"
-    rows = "150 .1 0\n1 0 0\n0 1 0\n0 0 1\n-1 -2 -3\n"
-    path.write_text(f"# Bundle file v0.3\n2 0\n{rows * 2}")
-    (tmp_path / "list.txt").write_text("a/v00.jpg 0 150\nv01.jpg\n")
-    for place in (path, tmp_path):
-        assert path in camera_files.files_of(place)
-        found = camera_files.read(place)
-        own, other = found.shots
-        said = found.kind, own.name, other.name
-        assert said == ("bundle.out of Bundler", "a/v00.jpg", "v01.jpg")
-        np.testing.assert_allclose(own.pose, np.c_[np.eye(3), [1, 2, 3]])
-        camtopix, bent = own.of_size((80, 60))
-        np.testing.assert_allclose(camtopix, [[150, 0, 40], [0, 150, 30], [0, 0, 1]])
-        np.testing.assert_allclose(bent, [0.1, 0, 0, 0, 0])

@@ -1,7 +1,6 @@
 """Depth of another program's renders: its files, its kind, its unit."""
 
 import io
-import os
 import resource
 import struct
 import zipfile
@@ -133,14 +132,6 @@ def test_broken_files_are_named_before_they_take_memory(tmp_path, name):
         depths.read(path)
     assert str(told.value).isprintable()
     assert resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before < 2**17
-
-
-@pytest.mark.usefixtures("ten_seconds")
-@pytest.mark.parametrize("suffix", depths.SUFFIXES)
-def test_a_pipe_is_not_waited_for(tmp_path, suffix):
-    os.mkfifo(tmp_path / f"a{suffix}")
-    with pytest.raises(ValueError, match="not a file"):
-        depths.read(tmp_path / f"a{suffix}")
 
 
 @pytest.mark.parametrize("kind", ["f2", ">f4", "f8", "g", "u1", "<u2", "i8"])

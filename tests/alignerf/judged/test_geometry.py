@@ -29,20 +29,6 @@ def test_a_way_shows_points_where_its_camera_says(way, lens):
     np.testing.assert_allclose(centre, at[:2], atol=0.05)
 
 
-@pytest.mark.parametrize("way", WAYS)
-def test_the_way_is_found(way):
-    """Of renders made in a way, a little blurred, that way is taken."""
-    samples = []
-    for seed in range(3):
-        photo, one = picture(seed, SIZE), shown(way)
-        render = photo if way == "taken" else one.picture(photo)
-        found = geometry.ways((CAMTOPIX, LENS), SIZE, one.size, "render")
-        samples.append((photo, render, found))
-    chosen, apart = geometry.choose(samples)
-    assert chosen == way
-    assert apart[way] < 0.1
-
-
 def test_a_photo_without_distortion_has_one_way():
     found = geometry.ways((CAMTOPIX, np.zeros(5)), SIZE, SIZE, "render")
     assert [one.way for one in found] == ["taken"]

@@ -57,14 +57,6 @@ def test_photos_become_what_renders_show(tmp_path, way):
         assert np.isinf(data["depth"]).all()
 
 
-def test_a_photo_is_moved_where_the_way_is_wrong(tmp_path):
-    """The control of the test above: another way leaves far more."""
-    cases.project(tmp_path, "kept")
-    image = np.asarray(Image.open(tmp_path / "renders" / "v00.png")).astype(float)
-    photo = cases.shown("pinhole").picture(cases.picture(0)).astype(float)
-    assert np.abs(image - photo).mean() > 10
-
-
 def test_borders_and_alpha_do_not_count(tmp_path):
     """A render's black border, and what is transparent; black things inside do."""
     config = cases.project(tmp_path)

@@ -142,14 +142,6 @@ def test_of_a_sheet_the_right_half_is_the_render(tmp_path):
     np.testing.assert_array_equal(one.half(sheet), picture(2, SIZE))
 
 
-def test_gsplat_of_more_views_than_there_are(tmp_path, taken):
-    write(tmp_path, "val_step9_0000.png", "val_step9_0001.png")
-    with pytest.raises(
-        ValueError, match=r"val_step9_0001\.png: there are 1 test views"
-    ):
-        renders.find(tmp_path, taken)
-
-
 @pytest.mark.parametrize(
     ("layout", "last"),
     [

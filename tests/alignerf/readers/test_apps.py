@@ -320,16 +320,6 @@ def test_photos_of_a_prepared_scene_are_found_once_more(tmp_path, given, app):
     assert abs(int(views.photos[2].read().mean()) - 20) <= 2
 
 
-@pytest.mark.parametrize("name", ["\u202egnp", "a\nb", "\x1b[2J"])
-def test_a_frame_of_an_odd_name_is_named_in_letters_that_print(tmp_path, rng, name):
-    """Found by the torture."""
-    folder = cases.record3d(tmp_path / "in", cases.camtoworlds(rng, 4))
-    (folder / "rgb/3.jpg").rename(folder / f"rgb/{name}.jpg")
-    with pytest.raises(ValueError, match=r"its name is no frame's|rename") as found:
-        read("record3d", folder)
-    assert str(found.value).isprintable()
-
-
 def test_a_link_to_nothing_among_the_photos_is_named(tmp_path, rng, caplog):
     """Found by the torture."""
     folder = cases.polycam(tmp_path / "in", cases.camtoworlds(rng, 4))

@@ -12,8 +12,6 @@ from alignerf import poses
 from alignerf.captures import base, blender
 from alignerf.experiment import check
 from alignerf.experiment.checks import scenes as of_scenes
-from alignerf.readers import transforms
-from alignerf.scenes import photos
 
 SIZE, ANGLE = 40, 0.7
 COLOUR, ALPHA = np.array([200, 100, 0]), np.array([0, 64, 255])
@@ -101,13 +99,6 @@ def test_without_a_background_they_are_refused_by_name(scene):
         read(scene, None)[0].photos[0].read()
 
 
-def test_transforms_and_photos_take_a_background(scene):
-    views, _ = transforms.read(scene / "transforms_val.json", "white")
-    assert views.photos[0].read()[0, 0].tolist() == [255, 255, 255]
-    image, _ = photos.decode(scene / "val" / "r_0.png", "black")
-    assert image[0, 0].tolist() == [0, 0, 0]
-
-
 def test_splits_of_two_sizes_lie_on_one_canvas(scene):
     for path in (scene / "test").iterdir():
         Image.new("RGB", (32, 32)).save(path)
@@ -127,12 +118,6 @@ def test_splits_of_two_sizes_lie_on_one_canvas(scene):
 def test_keys_that_act_on_nothing_are_refused(scene, key):
     with pytest.raises(ValueError, match=rf"config: {key}: source"):
         of_scenes.checked(scene)
-
-
-def test_a_config_may_say_so(tmp_path):
-    lego = {"source": "blender", "path": str(tmp_path), "background": "white"}
-    config = {"scenes": {"lego": lego}}
-    assert check.checked(config).scenes["lego"].poses == "adjusted"
 
 
 def test_frames_without_a_photo_are_named(scene):

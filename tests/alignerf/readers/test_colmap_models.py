@@ -1,11 +1,9 @@
 """COLMAP models, wherever and however they lie: what is taken, and what is missing."""
 
-import shutil
-
 import numpy as np
 import pytest
 
-from alignerf.readers import colmap_models, projects
+from alignerf.readers import projects
 from tests import app_cases as cases
 
 NAMES = [f"p{i}" for i in range(4)]
@@ -35,28 +33,6 @@ def test_a_model_is_found_at_its_usual_places(tmp_path, given, place, as_text):
     wanted = [[fx, 0, cx], [0, fy, cy], [0, 0, 1]]
     np.testing.assert_allclose(np.linalg.inv(views.pixtocams[1]), wanted, atol=1e-9)
     np.testing.assert_array_equal(views.points[0], [[1, 1, 1]])
-
-
-def test_photos_may_lie_beside_the_models_files(tmp_path, given):
-    cases.write_model(tmp_path, NAMES, given, as_text=True)
-    write_photos(tmp_path)
-    assert projects.read(tmp_path)[0].names == NAMES
-
-
-def test_of_several_models_the_largest_is_taken_and_others_named(
-    tmp_path, given, caplog
-):
-    write_photos(tmp_path / "images")
-    cases.write_model(tmp_path / "sparse/0", NAMES[:1], given[:1])
-    cases.write_model(tmp_path / "sparse/1", NAMES[1:], given[1:], as_text=True)
-    # Not before 2 by its name.
-    cases.write_model(tmp_path / "sparse/10", NAMES[:2], given[:2])
-    views, left_out = projects.read(tmp_path)
-    assert (views.names, left_out) == (NAMES[1:], NAMES[:1])
-    said = (
-        "3 models: sparse/1 of 3 images is taken; left: sparse/10 of 2, sparse/0 of 1"
-    )
-    assert said in caplog.text
 
 
 @pytest.mark.parametrize(
@@ -118,18 +94,6 @@ def test_a_byte_order_mark_does_not_count_and_no_utf_8_is_named(tmp_path, given,
         projects.read(tmp_path)
 
 
-def test_a_name_in_a_text_may_have_spaces(tmp_path, given):
-    cases.write_model(tmp_path / "sparse/0", NAMES, given, as_text=True)
-    write_photos(tmp_path / "images")
-    expected = projects.read(tmp_path)[0].camtoworlds
-    path = tmp_path / "sparse/0/images.txt"
-    path.write_text(path.read_text().replace("p0.jpg", "my p (1).jpg"))
-    (tmp_path / "images/p0.jpg").rename(tmp_path / "images/my p (1).jpg")
-    views, _ = projects.read(tmp_path)
-    assert views.names[0] == "my p (1)"
-    np.testing.assert_array_equal(views.camtoworlds, expected)
-
-
 def test_a_binary_quaternion_of_0_is_refused(tmp_path, given):
     cases.write_model(tmp_path / "sparse/0", NAMES, given)
     write_photos(tmp_path / "images")
@@ -180,13 +144,3 @@ def test_both_kinds_of_files_are_read_as_colmap_reads_them(tmp_path, given):
     (tmp_path / "sparse/0/images.txt").write_text("x\n")
     write_photos(tmp_path / "images")
     assert projects.read(tmp_path)[0].names == NAMES
-
-
-def test_counts_are_those_of_the_files(tmp_path, given):
-    cases.write_model(tmp_path / "a", NAMES[:3], given[:3])
-    cases.write_model(tmp_path / "b", NAMES, given, as_text=True)
-    assert colmap_models.images_in(tmp_path / "a") == 3
-    assert colmap_models.images_in(tmp_path / "b") == 4
-    assert colmap_models.find(tmp_path) == []
-    shutil.rmtree(tmp_path / "a")
-    assert colmap_models.with_photos(tmp_path) is None

@@ -8,7 +8,6 @@ from PIL import Image
 
 from alignerf import poses
 from alignerf.readers import projects
-from alignerf.scenes import prepare
 from tests import app_cases
 
 # images_4 of photos of 383x254 are rounded to 96x64: not a quarter on either side.
@@ -59,15 +58,6 @@ def test_lenses_are_those_of_the_true_size(scene, images, size):
     assert views.photos[3].read().shape == (size[1], size[0], 3)
     # Of the photo of the name, not of another one's.
     assert abs(int(views.photos[3].read().mean()) - 60) <= 2
-
-
-def test_every_eighth_view_by_name_is_a_test_view(scene):
-    views, _ = projects.read(scene[0], 4)
-    split = prepare.split_views(len(views.names), test_every=8)
-    assert [name for name, of in zip(NAMES, split, strict=True) if of == "test"] == [
-        "_DSC0000",
-        "_DSC0008",
-    ]
 
 
 def test_photos_without_a_pose_are_left_out_by_name(scene, caplog):

@@ -387,6 +387,7 @@ def test_tum(tmp_path, rng, table, lens):
     assert captures.detected(tmp_path).name == "exported"
     assert len(reading.views_of(tmp_path)[0].names) == len(poses)
     assert len(camera_files.read(path).shots) == len(poses)
+    assert path in camera_files.files_of(tmp_path)
     (tmp_path / "calibration.txt").unlink()
     with pytest.raises(ValueError, match=r"truth\.txt: .*calibration\.txt with `fx fy"):
         reading.views_of(tmp_path)

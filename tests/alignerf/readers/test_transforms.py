@@ -5,7 +5,6 @@ import re
 import shutil
 import time
 
-import cv2
 import numpy as np
 import pytest
 from PIL import Image
@@ -28,19 +27,6 @@ CAMTOPIX = np.array([[70.0, 0, 47.3], [0, 72.0, 33.9], [0, 0, 1]])
 WIDTH, HEIGHT = 96, 64
 
 
-@pytest.mark.parametrize("lens", LENSES)
-def test_distortion_agrees_with_opencv(lens):
-    """OpenCV's own projection, whose pixel centres lie half a pixel elsewhere."""
-    points = np.random.default_rng(0).uniform(-0.5, 0.5, (200, 2))
-    space = np.concatenate([points, np.ones((200, 1))], axis=-1)
-    opencv_camera = CAMTOPIX - np.array([[0, 0, 0.5], [0, 0, 0.5], [0, 0, 0]])
-    expected, _ = cv2.projectPoints(
-        space, np.zeros(3), np.zeros(3), opencv_camera, lens
-    )
-    pixels = distortion.distort_points(points, CAMTOPIX, lens)
-    np.testing.assert_allclose(pixels, expected[:, 0] + 0.5, atol=1e-9)
-
-
 def test_distortion_of_a_thousand_lenses(rng):
     """From the middle to far beyond the photo, each point through its own lens."""
     lenses = rng.normal(size=(1000, 5)) * [0.2, 0.1, 0.01, 0.01, 0.05]
@@ -49,37 +35,6 @@ def test_distortion_of_a_thousand_lenses(rng):
         found = distortion.distort_points([[x, y]], CAMTOPIX, lens)[0]
         wanted = camera_twins.distorted(x, y, *lens) * np.array([70, 72]) + [47.3, 33.9]
         np.testing.assert_allclose(found, wanted, rtol=1e-12, atol=1e-12)
-
-
-@pytest.mark.parametrize("lens", LENSES)
-def test_undistorted_image_is_what_the_pinhole_sees(lens):
-    """A smooth pattern on a far wall, photographed through the lens and without."""
-
-    def wall(points):
-        x, y = points[..., 0], points[..., 1]
-        waves = np.sin(9 * x + 2), np.sin(8 * y + x), np.cos(7 * (x - y))
-        return np.stack(waves, axis=-1) * 100 + 128
-
-    def pixel_centres():
-        x, y = np.meshgrid(np.arange(WIDTH) + 0.5, np.arange(HEIGHT) + 0.5)
-        return np.stack([x, y], axis=-1)
-
-    # The photo: invert the distortion by fixed-point iteration, the slow twin.
-    target = pixel_centres().reshape(-1, 2)
-    inverse = np.linalg.inv(CAMTOPIX)
-    points = target @ inverse[:2, :2].T + inverse[:2, 2]
-    for _ in range(100):
-        error = distortion.distort_points(points, CAMTOPIX, lens) - target
-        points = points - error @ inverse[:2, :2].T
-    photo = np.rint(wall(points)).astype(np.uint8).reshape(HEIGHT, WIDTH, 3)
-
-    pinhole = distortion.pinhole_camera(CAMTOPIX, lens, WIDTH, HEIGHT)
-    seen = distortion.undistort(photo, CAMTOPIX, lens, pinhole)
-    inverse = np.linalg.inv(pinhole)
-    expected = wall(pixel_centres() @ inverse[:2, :2].T + inverse[:2, 2])
-    # Half a pixel of error would be 6 grey levels on average.
-    assert np.abs(seen[2:-2, 2:-2] - expected[2:-2, 2:-2]).mean() < 0.6
-    assert np.abs(seen - expected).max() < 8
 
 
 @pytest.mark.parametrize("lens", LENSES)
@@ -96,12 +51,6 @@ def test_pinhole_view_fits_tightly_inside_the_photo(lens):
         assert room.min() > 0.45
         slack.append(room.min() - 0.5)
     assert min(slack) < 0.2
-
-
-@pytest.mark.parametrize("lens", [[-3.0, 0, 0, 0, 0], [0, 0, 5.0, 0, 0]])
-def test_absurd_distortion_is_refused(lens):
-    with pytest.raises(ValueError, match="distortion of"):
-        distortion.pinhole_camera(CAMTOPIX, np.array(lens), WIDTH, HEIGHT)
 
 
 def pose(rng):
@@ -359,10 +308,6 @@ def change(content, path, value):
         (["fl_x"], True, "fl_x is True"),
         (["frames", 0, "transform_matrix", 3], [0, 0, 0, 2], "last row"),
         (["frames", 0, "transform_matrix", 3], [0, 0, 1, 0], "last row"),
-        (["frames", 0, "transform_matrix", 0, 3], True, "transform_matrix"),
-        (["frames", 0, "transform_matrix", 0, 3], "1", "transform_matrix"),
-        (["frames", 0, "transform_matrix", 0, 3], [1.0], "transform_matrix"),
-        (["frames", 0, "transform_matrix"], {"0": 1}, "transform_matrix"),
         (["frames", 0, "transform_matrix"], 1.5, "transform_matrix"),
     ],
 )
@@ -388,45 +333,6 @@ def test_a_field_of_view_that_no_lens_has_is_named(scene, axis, angle):
     assert len(str(found.value)) < 300
 
 
-LONG = "x" * 1_000_000
-FORGED = "a\nerror: forged\x1b[2J\u202e"
-
-
-@pytest.mark.parametrize("value", [LONG, FORGED], ids=["long", "forged"])
-@pytest.mark.parametrize(
-    ("path", "name"),
-    [
-        (["camera_model"], None),
-        (["is_fisheye"], None),
-        (["k1"], None),
-        (["fl_x"], None),
-        (["frames", 0, "mask_path"], None),
-        (["frames", 0, "transform_matrix"], None),
-        (["test_filenames"], ["{}"]),
-    ],
-)
-def test_messages_are_short_and_print_whatever_the_file_holds(scene, path, name, value):
-    """A megabyte, a forged line, what a terminal obeys."""
-    if isinstance(name, list):
-        value = [name[0].format(value)]
-    change(scene[1], path, name.format(value) if isinstance(name, str) else value)
-    with pytest.raises(ValueError, match="json") as found:
-        read(scene)
-    message = str(found.value).replace(str(scene[0]), "")
-    assert len(message) < 400
-    assert message.isprintable()
-
-
-def test_names_in_warnings_are_short_and_print(scene, caplog):
-    for value in (LONG, FORGED):
-        scene[1]["frames"][3]["file_path"] = value
-        read(scene)
-    for record in caplog.records:
-        message = record.getMessage().replace(str(scene[0]), "")
-        assert len(message) < 900
-        assert message.isprintable()
-
-
 def test_files_that_are_no_scene(tmp_path, scene):
     with pytest.raises(ValueError, match=r"transforms\.json"):
         transforms.read(tmp_path)
@@ -438,13 +344,6 @@ def test_files_that_are_no_scene(tmp_path, scene):
         (tmp_path / "images" / name).unlink()
     with pytest.raises(ValueError, match="no photo images/c"):
         read(scene)
-
-
-def test_a_file_of_brackets_is_named(tmp_path):
-    for text in ("[" * 10**5, '{"frames": ' + "[" * 10**5, "1" * 5000):
-        (tmp_path / "t.json").write_text(text)
-        with pytest.raises(ValueError, match=r"t\.json: (nested|not the JSON)"):
-            transforms.read(tmp_path / "t.json")
 
 
 @pytest.mark.parametrize(

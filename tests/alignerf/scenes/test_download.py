@@ -80,14 +80,6 @@ def test_scenes_are_fetched_and_the_archive_goes(bucket, tmp_path, capsys):
     assert "no licence is published" in capsys.readouterr().out
 
 
-def test_a_stopped_download_goes_on(bucket, tmp_path):
-    content, asked = bucket({"bicycle/a": bytes(range(256)) * 99})
-    (tmp_path / "360_v2.zip.fetched").write_bytes(content[:1000])
-    download.main([str(tmp_path / "bicycle")])
-    assert asked == ["bytes=1000-"]
-    assert (tmp_path / "bicycle/a").read_bytes() == bytes(range(256)) * 99
-
-
 def test_nothing_is_appended_through_a_link(bucket, tmp_path):
     bucket({"bicycle/a": b"a"})
     (tmp_path / "mine").write_bytes(b"mine")

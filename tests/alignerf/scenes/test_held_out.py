@@ -59,18 +59,6 @@ def test_a_test_photo_in_the_training_file_is_refused(tmp_path, name):
     assert not (tmp_path / "out").exists()
 
 
-def test_a_test_folder_that_is_a_link_to_train_is_refused(tmp_path):
-    config = blender_scene(tmp_path / "in", None, 0.0)
-    shutil.rmtree(tmp_path / "in/test")
-    (tmp_path / "in/test").symlink_to("train")
-    write_photo(tmp_path / "in/train/r_9.png", 9)
-    content = json.loads((tmp_path / "in/transforms_train.json").read_text())
-    content["frames"].append(frame("train/r_9", 3.0))
-    (tmp_path / "in/transforms_train.json").write_text(json.dumps(content))
-    with pytest.raises(ValueError, match="are one file"):
-        prepare_scene(config, tmp_path)
-
-
 @pytest.mark.parametrize("link", [os.symlink, os.link, copied])
 def test_links_and_copies_of_a_view_are_refused(tmp_path, link):
     config = blender_scene(tmp_path / "in", "train/other", 9.0)
@@ -84,26 +72,6 @@ def test_equal_files_of_other_cameras_are_named(tmp_path, caplog):
     shutil.copyfile(tmp_path / "in/test/r_9.png", tmp_path / "in/train/other.png")
     prepare_scene(config, tmp_path)
     assert "test/r_9.png, which is scored, are equal files" in caplog.text
-
-
-def test_a_photo_by_two_names_in_a_transforms_json_is_one_view(tmp_path):
-    folder = tmp_path / "in"
-    for number in range(4):
-        write_photo(folder / f"{number}.png", 50 * number)
-    (folder / "4.png").symlink_to("0.png")
-    frames = [frame(f"{number}.png", number % 4) for number in range(5)]
-    content = {"camera_angle_x": 0.7, "frames": frames}
-    (folder / "transforms.json").write_text(json.dumps(content))
-    config = {"source": "transforms", "path": str(folder), "min_train_views": 2}
-    prepare_scene(config | {"test_every": 3}, tmp_path)
-    with np.load(tmp_path / "out/cameras.npz") as arrays:
-        assert arrays["names"].tolist() == ["0", "1", "2", "3"]
-    content["frames"][4] = frame("4.png", 4)
-    (folder / "transforms.json").write_text(json.dumps(content))
-    with pytest.raises(
-        ValueError, match=r"json: one photo at two poses: 0\.png and 4\.png"
-    ):
-        prepare_scene(config | {"test_every": 4}, tmp_path)
 
 
 def test_photos_without_a_file_and_views_without_a_split_are_passed_over(tmp_path):

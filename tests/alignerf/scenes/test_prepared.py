@@ -1,6 +1,5 @@
 """A prepared scene folder: read whole, and what is wrong with it named."""
 
-import shutil
 from types import SimpleNamespace
 
 import jax
@@ -234,28 +233,6 @@ def test_a_split_without_views_is_an_error(folder, arrays):
         prepared.load(folder).views("test")
 
 
-OTHER_IMAGES = {
-    "size": (Image.new("RGB", (HEIGHT, WIDTH)), "12x20 pixels, not 20x12"),
-    "grey": (Image.new("L", (WIDTH, HEIGHT)), "not an 8-bit RGB PNG"),
-}
-
-
-@pytest.mark.parametrize("damage", ["missing", "empty", "cut", "text", *OTHER_IMAGES])
-def test_bad_images_are_named(folder, damage):
-    path = folder / "images" / "b c.png"
-    data = path.read_bytes()
-    path.unlink()
-    reason = "cannot decode|not found"
-    if damage in OTHER_IMAGES:
-        image, reason = OTHER_IMAGES[damage]
-        image.save(path)
-    elif damage != "missing":
-        path.write_bytes({"empty": b"", "cut": data[:-40], "text": b"no"}[damage])
-    with pytest.raises(ValueError, match=reason) as error:
-        prepared.read_images(prepared.load(folder), [0, 1], folder / "images")
-    assert "images/b c.png" in str(error.value)
-
-
 @pytest.mark.parametrize("damage", ["missing", "empty", "cut", "size", "key"])
 def test_bad_masks_are_named(folder, damage):
     path = folder / "flow" / "b c.npz"
@@ -270,12 +247,6 @@ def test_bad_masks_are_named(folder, damage):
     with pytest.raises((ValueError, OSError)) as error:
         prepared.read_validity(prepared.load(folder), [0, 1], folder / "flow")
     assert "flow/b c.npz" in str(error.value)
-
-
-def test_a_scene_that_is_not_there_is_named(folder):
-    shutil.rmtree(folder)
-    with pytest.raises((ValueError, OSError), match=r"cameras\.npz"):
-        prepared.load(folder)
 
 
 def at_places(places):

@@ -4,8 +4,9 @@ import itertools
 
 import numpy as np
 
+from alignerf.scenes import cameras as posed
 from alignerf.scenes import distortion as lens
-from alignerf.sfm import calibration, matches
+from alignerf.sfm import calibration, matches, pose_error
 
 WIDTH, HEIGHT, FOCAL_PX = 640, 480, 520.0
 
@@ -36,6 +37,22 @@ def cameras(count=12, distortion=(0.0,) * 5, **options):
         orbit(count, **options),
         np.tile(np.array(distortion, float), (count, 1)),
     )
+
+
+def perturbed(true, px, rng):
+    """Cameras whose poses are off by so many px."""
+    poses = posed.perturb_poses(true.camtoworlds, true.pixtocams, px, rng)
+    return true._replace(camtoworlds=poses)
+
+
+def error_px(true, now, adjusted):
+    """Pose errors of cameras at the points of a `bundle.Adjusted`, of each view."""
+    points = {
+        view: adjusted.points.of_view(view)
+        for view, seen in enumerate(adjusted.points.seen)
+        if len(seen)
+    }
+    return np.array(list(pose_error.distance_px(true, now, points).values()))
 
 
 def matched(true, rng, *, points=500, noise_px=0.2, near=4, wrong=0.0, unseen=()):

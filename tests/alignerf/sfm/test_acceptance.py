@@ -3,19 +3,13 @@
 import numpy as np
 import pytest
 
-from alignerf.scenes import cameras as posed
 from alignerf.sfm import acceptance, mistakes
 from tests.alignerf.sfm import made
 
 
-def perturbed(true, px, rng):
-    poses = posed.perturb_poses(true.camtoworlds, true.pixtocams, px, rng)
-    return true._replace(camtoworlds=poses)
-
-
 def test_better_cameras_are_accepted_and_worse_ones_refused(rng):
     true = made.cameras()
-    wrong, found = perturbed(true, 3.0, rng), made.matched(true, rng)
+    wrong, found = made.perturbed(true, 3.0, rng), made.matched(true, rng)
     better = acceptance.judge(found, wrong, true)
     assert better.accepted
     assert better.halved
@@ -34,7 +28,7 @@ def test_better_cameras_are_accepted_and_worse_ones_refused(rng):
 def test_the_photo_decides_how_much_is_enough(rng):
     """A gain of 0.03 px in images of a quarter of the photo's size is 0.12 px."""
     true = made.cameras()
-    wrong, found = perturbed(true, 0.3, rng), made.matched(true, rng, points=3000)
+    wrong, found = made.perturbed(true, 0.3, rng), made.matched(true, rng, points=3000)
     small, large = (acceptance.judge(found, wrong, true, px) for px in (0.05, 4.0))
     assert not small.accepted
     assert large.accepted
@@ -44,7 +38,7 @@ def test_the_photo_decides_how_much_is_enough(rng):
 def test_without_held_out_matches_nothing_is_accepted(rng):
     true = made.cameras()
     found = made.matched(true, rng, unseen=range(12))
-    told = acceptance.judge(found, perturbed(true, 9.0, rng), true).told()
+    told = acceptance.judge(found, made.perturbed(true, 9.0, rng), true).told()
     assert told["before_px"] is None
     assert not told["accepted"]
     assert not told["worse"]

@@ -9,28 +9,15 @@ from alignerf.sfm import acceptance, bundle, pose_error
 from tests.alignerf.sfm import made
 
 
-def perturbed(true, px, rng):
-    poses = posed.perturb_poses(true.camtoworlds, true.pixtocams, px, rng)
-    return true._replace(camtoworlds=poses)
-
-
-def error_px(true, now, adjusted):
-    points = {
-        view: adjusted.points.of_view(view)
-        for view in range(len(true.camtopix))
-        if len(adjusted.points.seen[view])
-    }
-    return np.array(list(pose_error.distance_px(true, now, points).values()))
-
-
 @pytest.mark.parametrize("px", [1.5, 6.0, 30.0])
 def test_at_most_a_tenth_of_a_planted_error_remains(rng, tmp_path, px):
     true = made.cameras()
-    given = perturbed(true, px, rng)
+    given = made.perturbed(true, px, rng)
     found = made.matched(true, rng)
     adjusted = bundle.adjust(found, given, tmp_path, seed=0)
     before, after = (
-        np.median(error_px(true, one, adjusted)) for one in (given, adjusted.cameras)
+        np.median(made.error_px(true, one, adjusted))
+        for one in (given, adjusted.cameras)
     )
     assert before > 0.5 * px
     assert after < 0.1 * before
@@ -43,17 +30,17 @@ def test_at_most_a_tenth_of_a_planted_error_remains(rng, tmp_path, px):
 
 def test_lost_poses_are_placed_by_the_points(rng, tmp_path):
     true = made.cameras()
-    poses = perturbed(true, 1.0, rng).camtoworlds.copy()
+    poses = made.perturbed(true, 1.0, rng).camtoworlds.copy()
     poses[[3, 7]] = np.eye(4)[:3]
     given = true._replace(camtoworlds=poses)
     adjusted = bundle.adjust(made.matched(true, rng), given, tmp_path, seed=0)
     assert adjusted.placed == [3, 7]
-    assert error_px(true, adjusted.cameras, adjusted).max() < 0.5
+    assert made.error_px(true, adjusted.cameras, adjusted).max() < 0.5
 
 
 def test_a_view_without_tracks_moves_with_its_neighbour(rng, tmp_path):
     true = made.cameras()
-    given = perturbed(true, 3.0, rng)
+    given = made.perturbed(true, 3.0, rng)
     found = made.matched(true, rng, unseen=(5,))
     adjusted = bundle.adjust(found, given, tmp_path, seed=0)
     assert adjusted.carried == [5]
@@ -82,15 +69,15 @@ def test_lenses_of_single_frames_become_those_of_their_camera(rng):
 
 def test_moving_things_do_not_carry_the_cameras_away(rng, tmp_path):
     true = made.cameras()
-    given = perturbed(true, 3.0, rng)
+    given = made.perturbed(true, 3.0, rng)
     found = made.matched(true, rng, wrong=0.15)
     adjusted = bundle.adjust(found, given, tmp_path, seed=0)
-    assert np.median(error_px(true, adjusted.cameras, adjusted)) < 0.3
+    assert np.median(made.error_px(true, adjusted.cameras, adjusted)) < 0.3
 
 
 def test_the_same_twice(rng, tmp_path):
     true = made.cameras()
-    given, found = perturbed(true, 2.0, rng), made.matched(true, rng)
+    given, found = made.perturbed(true, 2.0, rng), made.matched(true, rng)
     one, other = (
         bundle.adjust(found, given, tmp_path / name, seed=0).cameras
         for name in ("one", "other")
@@ -117,12 +104,12 @@ def test_a_similarity_by_what_is_seen(rng, scale):
 def test_units_and_origin_of_the_world_do_not_matter(rng, tmp_path, scale, away):
     true = made.cameras()
     poses = posed.apply_similarity(
-        perturbed(true, 3.0, rng).camtoworlds, scale, np.eye(3), np.full(3, away)
+        made.perturbed(true, 3.0, rng).camtoworlds, scale, np.eye(3), np.full(3, away)
     )
     given = true._replace(camtoworlds=poses)
     adjusted = bundle.adjust(made.matched(true, rng), given, tmp_path, seed=0)
     assert np.nanmedian(adjusted.points.reprojection_px) < 0.3
-    assert np.median(error_px(true, adjusted.cameras, adjusted)) < 0.2
+    assert np.median(made.error_px(true, adjusted.cameras, adjusted)) < 0.2
     centres = adjusted.cameras.camtoworlds[:, :, 3]
     np.testing.assert_allclose(
         (centres - away) / scale, true.camtoworlds[:, :, 3], atol=0.05
@@ -132,7 +119,7 @@ def test_units_and_origin_of_the_world_do_not_matter(rng, tmp_path, scale, away)
 def test_a_camera_keeps_its_model_while_its_focal_lengths_meet(rng, tmp_path):
     """Of two axes that differ by a little, adjusting may make one of both."""
     true = made.cameras()
-    given = perturbed(true, 1.0, rng)
+    given = made.perturbed(true, 1.0, rng)
     given.camtopix[:, 1, 1] *= 1 + 2 * bundle.SQUARE
     found = bundle.adjust(made.matched(true, rng), given, tmp_path, seed=0, free="lens")
     (camera,) = found.model.cameras.values()

@@ -4,14 +4,8 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from alignerf.scenes import cameras as posed
-from alignerf.sfm import bundle, correction, mistakes, pose_error
+from alignerf.sfm import bundle, correction, mistakes
 from tests.alignerf.sfm import made
-
-
-def perturbed(true, px, rng):
-    poses = posed.perturb_poses(true.camtoworlds, true.pixtocams, px, rng)
-    return true._replace(camtoworlds=poses)
 
 
 def turned(true, rotvec, views=slice(None)):
@@ -34,22 +28,13 @@ def exchanged(true, one, other):
     return true._replace(camtoworlds=poses)
 
 
-def error_px(true, found):
-    points = {
-        view: found.points.of_view(view)
-        for view in range(len(true.camtopix))
-        if len(found.points.seen[view])
-    }
-    return np.array(list(pose_error.distance_px(true, found.cameras, points).values()))
-
-
 def kinds(told):
     return [fault["kind"] for fault in told["faults"]]
 
 
 def planted(case, true, rng):
     """(given cameras, those that the photos have, the kinds that are named)."""
-    nearly = perturbed(true, 2.0, rng)
+    nearly = made.perturbed(true, 2.0, rng)
     other = with_lens(true, focal=1.6, views=[1, 4, 7, 10])
     one_far, lost = true.camtoworlds.copy(), true.camtoworlds.copy()
     one_far[6, :, 3] *= 50
@@ -120,7 +105,7 @@ def test_the_planted_fault_is_named_and_mended(rng, tmp_path, case):
         assert "no gain" in told["why"]
         return
     assert told["accepted"]
-    assert np.median(error_px(true, found)) < 0.3
+    assert np.median(made.error_px(true, found.cameras, found)) < 0.3
     assert told["after_px"] < 0.3
     if case in ("focal length", "centre", "zoom"):
         # The lens is all that moves.
@@ -209,7 +194,7 @@ def test_zooms_by_exif_alone(rng, tmp_path):
 @pytest.mark.parametrize("bent", [True, pytest.param(False, marks=pytest.mark.whole)])
 def test_a_lens_is_found_where_the_matches_show_it(rng, tmp_path, bent):
     true = made.cameras(distortion=(0.2, -0.05, 0, 0, 0) if bent else (0.0,) * 5)
-    given = perturbed(made.cameras(), 2.0, rng)
+    given = made.perturbed(made.cameras(), 2.0, rng)
     matched = made.matched(true, rng, points=900)
     found, told = correction.correct(matched, given, tmp_path, 0, 1.0, lens=True)
     if bent:
@@ -219,7 +204,7 @@ def test_a_lens_is_found_where_the_matches_show_it(rng, tmp_path, bent):
     else:
         assert told["distortion"] is None
         assert told["kept"][-1:] == ["distortion"]
-    assert np.median(error_px(true, found)) < 0.3
+    assert np.median(made.error_px(true, found.cameras, found)) < 0.3
 
 
 @pytest.mark.parametrize("points", [0, 8])
@@ -244,10 +229,10 @@ def test_views_that_stay_wrong_are_named(rng):
 def test_matches_as_they_were_found_have_the_last_word(rng, tmp_path, monkeypatch):
     """Finer cameras that they lose by are not taken, though better than the input."""
     true = made.cameras()
-    given = perturbed(true, 6.0, rng)
+    given = made.perturbed(true, 6.0, rng)
 
     def worse(adjusted, *args, **options):
-        cameras = perturbed(adjusted.cameras, 2.0, rng)
+        cameras = made.perturbed(adjusted.cameras, 2.0, rng)
         return adjusted._replace(cameras=cameras), {"accepted": True, "said": "finer"}
 
     monkeypatch.setattr(bundle, "again", worse)
@@ -255,7 +240,7 @@ def test_matches_as_they_were_found_have_the_last_word(rng, tmp_path, monkeypatc
     found, told = correction.correct(matched, given, tmp_path, 0, 1.0, lens=True)
     assert told["again"]["accepted"] is False
     assert "lose" in told["again"]["said"]
-    assert np.median(error_px(true, found)) < 0.6
+    assert np.median(made.error_px(true, found.cameras, found)) < 0.6
 
 
 def test_cameras_of_other_photos_are_refused(rng, tmp_path, monkeypatch):
