@@ -4,17 +4,13 @@ import logging
 from typing import Literal
 
 from alignerf.captures import base
+from alignerf.courtyard import OBJECTS
 from alignerf.experiment.keys.key import Keys, key
 
 log = logging.getLogger("alignerf.poses")
 
 # Courtyard's photos, eight bits a channel.
 MAX_PHOTO_BYTES = 2**35
-
-
-# Of the courtyard (`alignerf.courtyard.world`; a test holds both equal).
-OBJECTS = ("ground", "hedge", "hills", "sky", "wall", "posts", "wires", "plinth")
-OBJECTS += ("trunk", "tower", "case", "carton", "tin", "arm")
 
 
 class Courtyard(Keys):

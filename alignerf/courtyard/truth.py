@@ -61,7 +61,7 @@ def build_courtyard(
     )
     return Courtyard(
         world=courtyard.build_world(seed=seed, place=place),
-        names=courtyard.view_names(views),
+        names=[f"view_{i:03d}" for i in range(views)],
         pixtocams=pixtocams,
         camtoworlds=camtoworlds,
         displacements=displacements,
@@ -77,7 +77,7 @@ def write_photos(folder, scene: Courtyard):
     """Write <folder>/<name>.png, the photos at full size."""
 
     def write(i):
-        rendered = courtyard.render(
+        photo = courtyard.render(
             scene.world,
             scene.pixtocams[i],
             scene.camtoworlds[i],
@@ -87,7 +87,7 @@ def write_photos(folder, scene: Courtyard):
             supersample=scene.supersample,
             lens_sigma_px=scene.lens_sigma_px,
         )
-        images.write(folder / f"{scene.names[i]}.png", rendered.image)
+        images.write(folder / f"{scene.names[i]}.png", photo)
 
     for _ in machine.map_in_threads(write, range(len(scene.names))):
         pass
@@ -171,7 +171,7 @@ def render_oracle(scene: Courtyard, given: prepare.PosedViews, i):
     )
     hits = cast_pixels(scene, given, i, courtyard.at_rest())
     depth_m = hits.t.reshape(given.height, given.width).astype(np.float32)
-    image = prepare.shrink(photo.image, given.width, given.height)
+    image = prepare.shrink(photo, given.width, given.height)
     return image, depth_m
 
 

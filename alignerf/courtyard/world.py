@@ -10,10 +10,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from alignerf.courtyard import materials, textures
+from alignerf.courtyard import OBJECTS, materials, textures
 
-OBJECTS = ("ground", "hedge", "hills", "sky", "wall", "posts", "wires", "plinth")
-OBJECTS += ("trunk", "tower", "case", "carton", "tin", "arm")
 MOVING = ("carton", "tin", "arm")
 # What stands alone, before white, where the place is an `object`.
 OF_OBJECT = ("plinth", "trunk", "tower", "case", "carton", "tin", "arm")

@@ -84,11 +84,10 @@ class Adjusted(NamedTuple):
     free: str = ""
 
 
-def adjust(matches: Matches, given: Cameras, work, *, seed, free="", images=None):
+def adjust(matches: Matches, given: Cameras, work, *, seed, free=""):
     """`Adjusted` cameras by all matches that are not held out.
 
     free: what of the lens is refined too: nothing, `focal` or, with distortion, `lens`.
-    images: folder of the photos at the size of the matches, for the points' colours.
     Writes into `work`. Raises TooFewError where too few tracks are left to adjust by.
     """
     work, lens = Path(work), free == "lens"
@@ -121,7 +120,7 @@ def adjust(matches: Matches, given: Cameras, work, *, seed, free="", images=None
             state, new = with_more(matches, refined, model, px, seed)
             placed += new
         model = triangulate_with(
-            every_match, state=state, px=LAST_PX, lens=lens, images=images
+            every_match, state=state, px=LAST_PX, lens=lens, images=images_of(work)
         )
     return in_frame(model, matches, given, state.cameras)._replace(
         placed=placed, free=free
@@ -167,8 +166,7 @@ def in_frame(model, matches, given, now) -> Adjusted:
 
 def as_they_are(matches: Matches, now: Cameras, work, *, seed) -> Adjusted:
     """Cameras that stay, with the points that they see."""
-    images = images_of(Path(work).parent)
-    points, model = triangulate(matches, now, work, seed=seed, images=images)
+    points, model = triangulate(matches, now, work, seed=seed)
     return Adjusted(now, points, [], [], model)
 
 
@@ -212,12 +210,12 @@ def anew(matches: Matches, given: Cameras, work, *, seed) -> Cameras:
 
 
 def images_of(work):
-    """The photos at the size of their matches, for the colours of points, or None."""
-    folder = Path(work) / "matched"
+    """The photos of matches, beside `work`, for the colours of points; or None."""
+    folder = work.parent / "matched"
     return folder if folder.is_dir() else None
 
 
-def triangulate(matches: Matches, given: Cameras, work, *, seed, images=None):
+def triangulate(matches: Matches, given: Cameras, work, *, seed):
     """(`Points`, COLMAP's model) that the given cameras triangulate as they are."""
     work = Path(work)
     work.mkdir(parents=True, exist_ok=True)
@@ -234,7 +232,7 @@ def triangulate(matches: Matches, given: Cameras, work, *, seed, images=None):
             work=work,
             px=LAST_PX,
             seed=seed,
-            images=images,
+            images=images_of(work),
         )
     move(model, back)
     return points_of(model, matches), model

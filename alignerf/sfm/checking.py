@@ -129,13 +129,8 @@ def stand_out(matched, given, photo_px, where):
 
 def triangulated(checked: Checked, work, seed):
     """(`bundle.Points`, COLMAP's model) that the input's cameras triangulate."""
-    return bundle.triangulate(
-        checked.matches,
-        checked.given,
-        Path(work) / "given",
-        seed=seed,
-        images=bundle.images_of(work),
-    )
+    folder = Path(work) / "given"
+    return bundle.triangulate(checked.matches, checked.given, folder, seed=seed)
 
 
 def points_told(points: bundle.Points, views, matched):

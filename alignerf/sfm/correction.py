@@ -6,6 +6,7 @@ new ones. One rule accepts them all: held-out matches. How far cameras have move
 reported, and refuses nothing. Lengths in reports are px of the photo.
 """
 
+import functools
 import logging
 from pathlib import Path
 from typing import NamedTuple
@@ -96,12 +97,11 @@ class Search(NamedTuple):
         A focal length, and a distortion, are refined where that is more than chance: in
         photos from one side they hide in each other, and in the poses.
         """
-        options = {"seed": self.seed, "images": bundle.images_of(self.work)}
-        best = bundle.adjust(self.matched, start, self.work / "adjust", **options)
+        adjust = functools.partial(bundle.adjust, self.matched, seed=self.seed)
+        best = adjust(start, self.work / "adjust")
         for free in ("focal", *["lens"] * self.lens):
-            folder, options["free"] = self.work / f"adjust_{free}", free
             try:
-                more = bundle.adjust(self.matched, best.cameras, folder, **options)
+                more = adjust(best.cameras, self.work / f"adjust_{free}", free=free)
             except bundle.TooFewError:
                 break
             if self.judge(best.cameras, more.cameras).finer:

@@ -229,17 +229,6 @@ def test_a_view_that_moves_alone_keeps_its_motion(scene):
     np.testing.assert_allclose(second["camtoworlds"], first["camtoworlds"], atol=1e-9)
 
 
-def test_a_part_of_the_views_does_not_drift(scene):
-    """Views of a second round without flow, of which some are left alone."""
-    _, first, _ = run(scene)
-    (scene / "new" / "cameras.npz").rename(scene / "first.npz")
-    for path in (scene / "flow").iterdir():
-        flow_px, valid = files.read_flow(path)
-        files.write_flow(path, 0 * flow_px, valid & (path.stem > NAMES[4]))
-    _, second, _ = run(scene, cameras_path="first.npz")
-    np.testing.assert_allclose(second["camtoworlds"], first["camtoworlds"], atol=1e-9)
-
-
 @pytest.mark.parametrize(
     ("break_it", "reason"),
     [

@@ -7,13 +7,12 @@ import pycolmap
 import pytest
 from PIL import Image
 
-from alignerf import export, poses
+from alignerf import export
 from alignerf.cameras import transients
 from alignerf.colmap import structure
 from alignerf.io import faults
 from alignerf.readers import transforms
 from alignerf.scenes import cameras, prepared
-from alignerf.training import batches
 from tools.bench import cases
 
 
@@ -78,37 +77,6 @@ def test_points_of_the_poses_come_along(scene, rng):
     )
 
 
-def test_a_training_on_the_exported_folder_is_the_one_on_the_scene(scene, tmp_path):
-    """Through our own source: a training takes the same photos and cameras."""
-    _, out = run(scene)
-    # Which views are held out, the exported file says itself.
-    config = {"source": "transforms", "path": str(out), "test_every": 3}
-    poses.main(config, tmp_path / "again")
-    loaded = [prepared.load(folder) for folder in (scene, tmp_path / "again")]
-    chosen = [found.views("train") for found in loaded]
-    np.testing.assert_array_equal(*chosen)
-    first, second = (
-        batches.load_views(found, views, found.folder / "images", None)
-        for found, views in zip(loaded, chosen, strict=True)
-    )
-    np.testing.assert_array_equal(first.photos, second.photos)
-    np.testing.assert_array_equal(first.valid, second.valid)
-    np.testing.assert_allclose(first.pixtocams, second.pixtocams, atol=1e-6)
-    np.testing.assert_allclose(first.camtoworlds, second.camtoworlds, atol=1e-6)
-
-
-def test_photos_are_handed_on_byte_by_byte(scene):
-    _, out = run(scene)
-    for path in (scene / "images").iterdir():
-        assert (out / "images" / path.name).read_bytes() == path.read_bytes()
-    assert not (out / "masks").exists()
-    found = json.loads((out / "transforms.json").read_text())
-    splits = prepared.read_cameras(scene / "cameras.npz")["split"]
-    assert len(found["train_filenames"]) == (splits == "train").sum()
-    assert found["val_filenames"] == found["test_filenames"]
-    assert not any("mask_path" in frame for frame in found["frames"])
-
-
 def test_warped_photos_bring_their_masks(scene, rng):
     loaded = prepared.load(scene)
     warped, valid = scene.parent / "warped", scene.parent / "flow"
@@ -162,30 +130,6 @@ def test_what_comes_and_goes_is_black_in_masks(scene):
     code, out = run(scene, "--transients", scene / "transients.npz")
     assert code == 0
     assert not (out / "masks").exists()
-
-
-def test_masks_of_warped_photos_come_back_with_a_training(scene, rng, tmp_path):
-    """Our own source learns from the same pixels of the same warped photos."""
-    loaded = prepared.load(scene)
-    for folder in ("warped", "flow"):
-        (tmp_path / folder).mkdir()
-    train = loaded.views("train")
-    for view in train:
-        name = loaded.names[view]
-        image = rng.integers(0, 256, (32, 48, 3), dtype=np.uint8)
-        Image.fromarray(image).save(tmp_path / f"warped/{name}.png")
-        valid = rng.uniform(size=(32, 48)) < 0.5
-        np.savez(tmp_path / f"flow/{name}.npz", flow_px=np.zeros(2), valid=valid)
-    folders = [tmp_path / "warped", tmp_path / "flow"]
-    code, out = run(scene, "--warped", folders[0], "--valid", folders[1])
-    assert code == 0
-    config = {"source": "transforms", "path": str(out), "test_every": 8}
-    poses.main(config, tmp_path / "again")
-    again = prepared.load(tmp_path / "again")
-    first = batches.load_views(loaded, train, *folders)
-    second = batches.load_views(again, train, again.folder / "images", None)
-    np.testing.assert_array_equal(first.photos, second.photos)
-    np.testing.assert_array_equal(first.valid, second.valid)
 
 
 @pytest.mark.parametrize("pays", [True, False])

@@ -80,18 +80,6 @@ def test_depth_explains_the_true_flow_of_a_still_scene(tmp_path):
         assert error.max() < 1e-2
 
 
-def test_oracle_without_error_is_the_photo(tmp_path):
-    """Nothing moves, poses are true: oracle and photo differ by rounding only."""
-    config = COURTYARD | {"courtyard": COURTYARD["courtyard"] | {"motion": "none"}}
-    poses.main(config, tmp_path)
-    for path in (tmp_path / "images").glob("*.png"):
-        photo = images.read(path).astype(float)
-        oracle = images.read(tmp_path / "images" / "truth" / "oracle" / path.name)
-        assert np.abs(photo - oracle).mean() < 0.5
-        flow = load(tmp_path / "images" / "truth" / "flow" / f"{path.stem}.npz")
-        assert np.abs(flow["flow_px"][flow["valid"]]).max() < 1e-3
-
-
 @pytest.mark.parametrize("by", ["rotation", "translation"])
 def test_perturbed_poses_and_the_true_flow_that_undoes_them(by, tmp_path):
     """Warping the photo by the true flow brings it onto the oracle."""

@@ -130,12 +130,6 @@ def test_the_command_itself(tmp_path):
     assert status == 1
     assert lines == [f"error: no images in {tmp_path / 'empty'}"]
     assert not out.exists()
-    photo_folder(tmp_path / "three")
-    status, lines = run_cli({"source": "photos", "path": str(tmp_path / "three")}, out)
-    assert status == 1
-    assert "Traceback" not in "".join(lines)
-    assert "registered 0 of 3 images" in lines[-1]
-    assert not out.exists()
 
 
 def test_a_failure_keeps_what_an_earlier_run_made(courtyard, tmp_path):
@@ -173,10 +167,3 @@ def test_a_config_that_is_no_file_is_one_line(text, tmp_path):
     assert code == 1
     assert len(lines) == 1
     assert lines[0].startswith("error: ")
-
-
-def test_a_pipe_is_not_waited_for(tmp_path):
-    """Found by the torture: the command waited without end."""
-    os.mkfifo(tmp_path / "pipe")
-    with pytest.raises(ValueError, match="pipe: not a file"):
-        json_files.of_config(str(tmp_path / "pipe"))

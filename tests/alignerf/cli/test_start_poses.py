@@ -10,12 +10,12 @@ import numpy as np
 import pytest
 
 from alignerf.cli import poses
-from alignerf.courtyard import scene as courtyard
 from alignerf.exports import formats
-from alignerf.io import faults, images
+from alignerf.io import faults
 from alignerf.readers import colmap_models, transforms
 from alignerf.scenes import cameras
 from alignerf.sfm import mistakes
+from tests import courtyard_photos
 
 WIDTH, HEIGHT, VIEWS, PERTURBED_PX = 320, 240, 10, 3.0
 
@@ -24,21 +24,12 @@ WIDTH, HEIGHT, VIEWS, PERTURBED_PX = 320, 240, 10, 3.0
 def photographed(tmp_path_factory):
     """Photos of the courtyard at rest, and the arrays of their true cameras."""
     folder = tmp_path_factory.mktemp("photos")
-    world = courtyard.build_world(seed=0)
-    lenses, camtoworlds = courtyard.make_cameras(
-        views=60, width=WIDTH, height=HEIGHT, seed=0
-    )
-    names = [f"view {i}" for i in range(VIEWS)]
-    for name, lens, pose in zip(names, lenses, camtoworlds, strict=False):
-        rendered = courtyard.render(
-            world, lens, pose, WIDTH, HEIGHT, courtyard.at_rest()
-        )
-        images.write(folder / f"{name}.png", rendered.image)
+    names, lenses, camtoworlds = courtyard_photos.write(folder, VIEWS, WIDTH, HEIGHT)
     return folder, {
         "names": np.array(names),
         "split": np.array(["train"] * VIEWS),
-        "pixtocams": lenses[:VIEWS],
-        "camtoworlds": camtoworlds[:VIEWS],
+        "pixtocams": lenses,
+        "camtoworlds": camtoworlds,
         "width": WIDTH,
         "height": HEIGHT,
     }

@@ -7,9 +7,9 @@ import pytest
 from PIL import Image
 
 from alignerf.colmap import ingest, mapping, structure
-from alignerf.courtyard import scene as courtyard
 from alignerf.io import images
 from alignerf.scenes import cameras, distortion
+from tests import courtyard_photos
 
 # Parameters of a camera of 1024x768 with noticeable, invertible distortion.
 PARAMS = {
@@ -25,16 +25,7 @@ PARAMS = {
 def photos(tmp_path_factory):
     """Seven neighbouring photos of the courtyard, and their true cameras."""
     folder = tmp_path_factory.mktemp("photos")
-    world = courtyard.build_world(seed=0)
-    pixtocams, camtoworlds = courtyard.make_cameras(
-        views=60, width=240, height=180, seed=0
-    )
-    names = [f"view {i}" for i in range(7)]
-    for name, pixtocam, pose in zip(names, pixtocams, camtoworlds, strict=False):
-        at_rest = courtyard.at_rest()
-        rendered = courtyard.render(world, pixtocam, pose, 240, 180, at_rest)
-        images.write(folder / f"{name}.png", rendered.image)
-    return folder, names, pixtocams[:7], camtoworlds[:7]
+    return folder, *courtyard_photos.write(folder, 7)
 
 
 @pytest.mark.parametrize("camera_model", PARAMS)

@@ -5,11 +5,10 @@ import pytest
 
 from alignerf import poses
 from alignerf.colmap import loading
-from alignerf.courtyard import scene as courtyard
 from alignerf.experiment.checks import scenes as of_scenes
 from alignerf.io import images
 from alignerf.scenes import prepare, prepared
-from tests import export_cases
+from tests import courtyard_photos, export_cases
 
 OF_COURTYARD = export_cases.OF_COURTYARD | {
     "courtyard": {"views": 4, "width": 96, "height": 72}
@@ -57,19 +56,15 @@ def test_other_cameras_of_the_same_views(tmp_path):
 def photos(tmp_path_factory):
     """A folder of ten neighbouring photos, one of another size, with masks."""
     folder = tmp_path_factory.mktemp("photos")
-    world = courtyard.build_world(seed=0)
-    size = {"width": 240, "height": 180}
-    cameras = courtyard.make_cameras(views=60, **size, seed=0)
+    names, *_ = courtyard_photos.write(folder, 10)
+    odd = folder / "view 4.png"
+    images.write(odd, images.read(odd)[20:])
     mask = np.full((180, 240, 3), 255, np.uint8)
     mask[:, :20] = 0
     (folder / "masks").mkdir()
-    for i in range(10):
-        camera = [of[i] for of in cameras]
-        image = courtyard.render(world, *camera, 240, 180, courtyard.at_rest()).image
-        if i == 4:
-            image = image[20:]
-        images.write(folder / f"view {i}.png", image)
-        images.write(folder / "masks" / f"view {i}.png", mask[-len(image) :])
+    for name in names:
+        own = mask[20:] if name == "view 4" else mask
+        images.write(folder / "masks" / f"{name}.png", own)
     return folder
 
 

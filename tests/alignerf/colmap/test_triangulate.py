@@ -13,6 +13,7 @@ from alignerf.experiment.checks import scenes as of_scenes
 from alignerf.exports import formats
 from alignerf.io import images
 from alignerf.scenes import cameras, prepared
+from tests import courtyard_photos
 
 WIDTH, HEIGHT, VIEWS = 240, 180, 6
 
@@ -21,25 +22,15 @@ WIDTH, HEIGHT, VIEWS = 240, 180, 6
 def scene(tmp_path_factory):
     """Photos of the courtyard at rest, and the arrays of their true cameras."""
     folder = tmp_path_factory.mktemp("photos")
-    world = courtyard.build_world(seed=0)
-    lenses, camtoworlds = courtyard.make_cameras(
-        views=60, width=WIDTH, height=HEIGHT, seed=0
-    )
-    views = {
-        # A name that COLMAP's own lists of pairs would break at.
-        "names": np.array([f"view {i}" for i in range(VIEWS)]),
-        "pixtocams": lenses[:VIEWS],
-        "camtoworlds": camtoworlds[:VIEWS],
-        "width": WIDTH,
-        "height": HEIGHT,
-    }
-    depths = []
-    for name, lens, pose in zip(views["names"], lenses, camtoworlds, strict=False):
-        rendered = courtyard.render(
-            world, lens, pose, WIDTH, HEIGHT, courtyard.at_rest()
-        )
-        images.write(folder / f"{name}.png", rendered.image)
-        depths.append(rendered.depth_m)
+    # Names that COLMAP's own lists of pairs would break at.
+    names, *cameras = courtyard_photos.write(folder, VIEWS, WIDTH, HEIGHT)
+    views = dict(zip(("pixtocams", "camtoworlds"), cameras, strict=True))
+    views |= {"names": np.array(names), "width": WIDTH, "height": HEIGHT}
+    world, at_rest = courtyard.build_world(seed=0), courtyard.at_rest()
+    depths = [
+        courtyard_photos.seen(world, *camera, WIDTH, HEIGHT, at_rest)[0]
+        for camera in zip(*cameras, strict=True)
+    ]
     return folder, views, depths
 
 

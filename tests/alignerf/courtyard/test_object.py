@@ -7,6 +7,7 @@ from alignerf import poses
 from alignerf.courtyard import scene as courtyard
 from alignerf.courtyard import world as courtyard_world
 from alignerf.io import images
+from tests import courtyard_photos
 
 ARM = {
     "place": "object",
@@ -34,13 +35,14 @@ def test_an_object_stands_before_white():
         views=3, width=60, height=40, seed=0
     )
     for camera in zip(pixtocams, camtoworlds, strict=True):
-        found = courtyard.render(world, *camera, 60, 40, courtyard.at_rest())
-        seen = {courtyard.OBJECTS[i] for i in np.unique(found.object_id)}
+        where = world, *camera, 60, 40, courtyard.at_rest()
+        image, (_, object_id) = courtyard.render(*where), courtyard_photos.seen(*where)
+        seen = {courtyard.OBJECTS[i] for i in np.unique(object_id)}
         assert {"sky", "arm"} < seen <= {"sky", *courtyard_world.OF_OBJECT}
-        away = found.object_id == courtyard.OBJECTS.index("sky")
-        assert (found.image[away] == 255).all(axis=-1).mean() > 0.7
+        away = object_id == courtyard.OBJECTS.index("sky")
+        assert (image[away] == 255).all(axis=-1).mean() > 0.7
         # The top row looks past all boxes.
-        assert (found.image[0] == 255).all()
+        assert (image[0] == 255).all()
 
 
 def test_what_differs_between_the_states_lies_under_the_mask(arm):

@@ -5,10 +5,10 @@ import pytest
 
 from alignerf import poses
 from alignerf.colmap import loading
-from alignerf.courtyard import scene as courtyard
 from alignerf.experiment.checks import scenes as of_scenes
 from alignerf.io import images
 from alignerf.scenes import prepared
+from tests import courtyard_photos
 from tests import export_cases as cases
 
 
@@ -31,16 +31,12 @@ def views(made, tmp_path_factory):
 def photos(tmp_path_factory):
     """A folder of twelve neighbouring photos with masks."""
     folder = tmp_path_factory.mktemp("photos")
-    world = courtyard.build_world(seed=0)
-    found = courtyard.make_cameras(views=60, width=240, height=180, seed=0)
+    names, *_ = courtyard_photos.write(folder, 12)
     mask = np.full((180, 240, 3), 255, np.uint8)
     mask[:, :20] = 0
     (folder / "masks").mkdir()
-    for i in range(12):
-        camera = [of[i] for of in found]
-        image = courtyard.render(world, *camera, 240, 180, courtyard.at_rest()).image
-        images.write(folder / f"view {i}.png", image)
-        images.write(folder / "masks" / f"view {i}.png", mask)
+    for name in names:
+        images.write(folder / "masks" / f"{name}.png", mask)
     return folder
 
 

@@ -3,7 +3,6 @@
 import shutil
 
 import numpy as np
-import pycolmap
 
 from alignerf.external import train
 from alignerf.io import faults, images
@@ -63,17 +62,6 @@ def test_a_round_has_its_own_cameras_and_photos(made, tmp_path, loaded):
         mask = cases.read_mask(out / "masks" / f"{name}.png.png")
         assert mask[:, 7:].all()
         assert mask[:, :7].any() == (split == "test")
-
-
-def test_points_are_those_of_the_scene_while_its_cameras_are(made, tmp_path, rng):
-    copy = tmp_path / "scene"
-    shutil.copytree(made, copy)
-    points = rng.normal(size=(5, 3))
-    colours = rng.integers(0, 255, (5, 3), dtype=np.uint8)
-    np.savez(copy / prepared.POINTS, points=points, colours=colours)
-    model = pycolmap.Reconstruction(written(copy, tmp_path) / "sparse" / "0")
-    found = np.array([point.xyz for point in model.points3D.values()])
-    np.testing.assert_allclose(np.sort(found, 0), np.sort(points, 0))
 
 
 def test_a_broken_photo_is_named_and_nothing_is_left(made, tmp_path, loaded, capsys):

@@ -122,15 +122,6 @@ def test_a_mark_that_is_none_is_replaced(train, training, begun):
     assert "{model} is that of a run that was stopped" in train("one", more="fail")
 
 
-def test_a_failed_training_is_one_line(train):
-    errors = [
-        line for line in train("one", more="fail").splitlines() if "error" in line
-    ]
-    assert errors == [
-        f"error: {sys.executable} ended with exit code 1; its last line: out of memory"
-    ]
-
-
 @pytest.fixture
 def render(made, ran, training, tmp_path):
     (tmp_path / "render.py").write_text(RENDERER)

@@ -239,8 +239,3 @@ def test_what_no_memory_holds_is_said_before_it_is_read(rng, tmp_path, monkeypat
     path = write(tmp_path / "a.ply", columns(rng))
     with pytest.raises(ValueError, match=r"300 Gaussians take .* GiB of memory, and"):
         ply.read(path)
-
-
-def test_a_missing_file_is_one_line(tmp_path):
-    with pytest.raises(ValueError, match="not found"):
-        ply.read(tmp_path / "none.ply")

@@ -137,14 +137,6 @@ def test_a_point_is_seen_as_its_dilation_unless_antialiased():
     assert rasterize.render(gaussians, CAMERA, antialiased=True).alpha.max() == 0
 
 
-def test_a_quaternion_of_no_length_turns_nothing():
-    found, wanted = (
-        rasterize.render(one(scale=(0.3, 0.1, 0.1), quaternion=q), CAMERA)
-        for q in ((0, 0, 0, 0), (5, 0, 0, 0))
-    )
-    np.testing.assert_array_equal(found.alpha, wanted.alpha)
-
-
 def test_a_wall_is_at_its_depth_and_nothing_is_the_background():
     wall = one(mean=(0, 0, 3), scale=(50, 50, 0))
     found = rasterize.render(wall, CAMERA, background=(1, 0, 0))
