@@ -5,6 +5,7 @@ import json
 import numpy as np
 import pycolmap
 from PIL import Image
+from scipy.spatial.transform import Rotation
 
 from alignerf.scenes import cameras
 
@@ -107,13 +108,8 @@ def scanner3d(folder, poses):
 
 
 def quaternion(rotation):
-    """(x, y, z, w) of a rotation, by its eigenvector: another way than the reader's."""
-    values, vectors = np.linalg.eig(rotation)
-    axis = np.real(vectors[:, np.argmin(np.abs(values - 1))])
-    cross = rotation - rotation.T
-    sine = np.array([cross[2, 1], cross[0, 2], cross[1, 0]]) @ axis / 2
-    angle = np.arctan2(sine, (np.trace(rotation) - 1) / 2)
-    return [*(axis * np.sin(angle / 2)), np.cos(angle / 2)]
+    """(x, y, z, w) of a rotation."""
+    return Rotation.from_matrix(rotation).as_quat()
 
 
 def record3d(folder, poses, **more):

@@ -6,18 +6,15 @@ import numpy as np
 import pytest
 
 from alignerf import facts
+from alignerf.courtyard import scene as courtyard
 from alignerf.scenes import cameras, prepared
 
 
 def ring(count, radius=2.0):
     """Cameras on a circle that look at the origin."""
-    poses = []
-    for angle in 2 * np.pi * np.arange(count) / count:
-        back = np.array([np.cos(angle), np.sin(angle), 0.0])
-        right = np.array([-np.sin(angle), np.cos(angle), 0.0])
-        up = np.cross(back, right)
-        poses.append(np.stack([right, up, back, radius * back], axis=1))
-    return np.stack(poses)
+    angles = 2 * np.pi * np.arange(count) / count
+    places = radius * np.stack([np.cos(angles), np.sin(angles), 0 * angles], axis=1)
+    return np.stack([courtyard.look_at(place, np.zeros(3)) for place in places])
 
 
 @pytest.fixture

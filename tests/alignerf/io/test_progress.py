@@ -70,14 +70,6 @@ def test_over_closes_where_its_loop_fails(opened, monkeypatch, terminal):
     assert shown.bar is None or shown.bar.disable
 
 
-def test_over_closes_where_its_loop_is_left(opened):
-    items = progress.over(range(5), "numbers")
-    next(items)
-    items.close()
-    (shown,) = opened
-    assert (shown.done, shown.closed) == (0, 1)
-
-
 def test_over_nothing_shows_nothing(opened, capsys):
     assert list(progress.over([], "numbers")) == []
     assert opened[0].closed == 1

@@ -6,6 +6,7 @@ import numpy as np
 import pycolmap
 
 from alignerf.colmap import structure
+from alignerf.courtyard import scene
 from alignerf.scenes import cameras
 from alignerf.sfm import pose_error
 
@@ -14,18 +15,12 @@ WIDTH, HEIGHT, FOCAL_PX = 320, 240, 300.0
 
 def poses(count=8):
     """World-to-camera rotations [n, 3, 3] (OpenCV's axes) and centres [n, 3]."""
-    turns, centres = [], []
-    for k in range(count):
-        angle = 0.35 + 0.85 * k / (count - 1)
-        height = 1.6 + 0.6 * np.sin(2.5 * k)
-        centre = np.array([4.2 * np.cos(angle), 4.2 * np.sin(angle), height])
-        ahead = np.array([0.7, 0.7, 0.7]) - centre
-        ahead /= np.linalg.norm(ahead)
-        right = np.cross(ahead, [0.0, 0.0, 1.0])
-        right /= np.linalg.norm(right)
-        turns.append(np.stack([right, np.cross(ahead, right), ahead]))
-        centres.append(centre)
-    return np.array(turns), np.array(centres)
+    k = np.arange(count)
+    angle, height = 0.35 + 0.85 * k / (count - 1), 1.6 + 0.6 * np.sin(2.5 * k)
+    centres = np.stack([4.2 * np.cos(angle), 4.2 * np.sin(angle), height], axis=1)
+    poses = np.array([scene.look_at(one, np.full(3, 0.7)) for one in centres])
+    axes = poses[:, :, :3] @ cameras.OPENGL_FROM_OPENCV
+    return axes.swapaxes(1, 2), centres
 
 
 def points_on(rng, count):

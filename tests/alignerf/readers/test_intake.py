@@ -8,6 +8,7 @@ import numpy as np
 import pycolmap
 import pytest
 from PIL import Image
+from scipy.spatial.transform import Rotation
 
 from alignerf.captures import base, typed
 from alignerf.cli import folders
@@ -23,9 +24,7 @@ POINT = np.array([0.1, -0.2, 0.3])
 
 def pose(i):
     """Camera-to-world [4, 4], OpenGL axes, on an arc around the origin."""
-    angle = 0.2 * i - 0.5
-    sine, cosine = math.sin(angle), math.cos(angle)
-    turn = np.array([[cosine, 0, sine], [0, 1, 0], [-sine, 0, cosine]])
+    turn = Rotation.from_euler("y", 0.2 * i - 0.5).as_matrix()
     matrix = np.eye(4)
     matrix[:3, :3], matrix[:3, 3] = turn, turn @ [0, 0, 4]
     return matrix
@@ -63,11 +62,8 @@ def write_model(folder, name="{}.jpg", numbers=range(COUNT), size=(WIDTH, HEIGHT
     lines = []
     for i in numbers:
         matrix = np.linalg.inv(pose(i) @ np.diag([1.0, -1, -1, 1]))
-        # A turn about y, then half a turn about x.
-        angle = -(0.2 * i - 0.5)
-        quaternion = 0, math.cos(angle / 2), 0, math.sin(angle / 2)
-        turned = rotation(quaternion)
-        np.testing.assert_allclose(turned, matrix[:3, :3], atol=1e-12)
+        turn = Rotation.from_matrix(matrix[:3, :3])
+        quaternion = turn.as_quat(scalar_first=True)
         numbers_of = [*quaternion, *matrix[:3, 3]]
         lines += [
             f"{i + 1} {' '.join(map(repr, map(float, numbers_of)))} 1 {name.format(i)}",
@@ -75,12 +71,6 @@ def write_model(folder, name="{}.jpg", numbers=range(COUNT), size=(WIDTH, HEIGHT
         ]
     (folder / "images.txt").write_text("\n".join([*lines, ""]))
     (folder / "points3D.txt").write_text("")
-
-
-def rotation(quaternion):
-    w, x, y, z = quaternion
-    across = np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]])
-    return np.eye(3) + 2 * (w * across + across @ across)
 
 
 def read(folder):

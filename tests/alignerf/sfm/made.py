@@ -4,6 +4,7 @@ import itertools
 
 import numpy as np
 
+from alignerf.courtyard import scene
 from alignerf.scenes import cameras as posed
 from alignerf.scenes import distortion as lens
 from alignerf.sfm import calibration, matches, pose_error
@@ -19,11 +20,7 @@ def orbit(count=12, *, radius=4.0, arc=2.0):
         centre = radius * np.array(
             [np.cos(angle), np.sin(angle), 0.3 + 0.1 * np.sin(3 * angle)]
         )
-        back = centre / np.linalg.norm(centre)
-        right = np.cross([0.0, 0.0, 1.0], back)
-        right /= np.linalg.norm(right)
-        turn = np.stack([right, np.cross(back, right), back], axis=1)
-        poses.append(np.concatenate([turn, centre[:, None]], axis=1))
+        poses.append(scene.look_at(centre, np.zeros(3)))
     return np.array(poses)
 
 

@@ -9,6 +9,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from alignerf.captures import mipnerf360, transforms
+from alignerf.courtyard import scene
 from alignerf.experiment.checks import scenes as of_scenes
 from alignerf.io import images
 from alignerf.readers import shots
@@ -30,15 +31,10 @@ OTHER = CAMTOPIX * [[0.8, 1, 1], [1, 0.8, 1], [1, 1, 1]]
 
 def poses():
     """[n, 3, 4] on an arc, OpenGL axes, towards the corner at the origin."""
-    found = np.empty((COUNT, 3, 4))
-    for i, angle in enumerate(np.radians(np.linspace(15, 75, COUNT))):
-        place = 3 * np.array(
-            [np.cos(angle), np.sin(angle), 0.5 + 0.1 * np.sin(9 * angle)]
-        )
-        back = (place - [0.4, 0.4, 0.6]) / np.linalg.norm(place - [0.4, 0.4, 0.6])
-        right = np.cross([0, 0, 1], back) / np.linalg.norm(back[:2])
-        found[i] = np.stack([right, np.cross(back, right), back, place], axis=1)
-    return found
+    angles = np.radians(np.linspace(15, 75, COUNT))
+    places = [np.cos(angles), np.sin(angles), 0.5 + 0.1 * np.sin(9 * angles)]
+    towards = np.array([0.4, 0.4, 0.6])
+    return np.array([scene.look_at(3 * one, towards) for one in np.transpose(places)])
 
 
 def photo(camtopix, lens, pose, walls):
