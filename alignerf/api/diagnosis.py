@@ -44,9 +44,12 @@ NAME, MODES = "diagnosed", ("camera_to_world", "world_to_camera")
 POSES, LENS, NAMED = ("camera", "focal"), ("lens_shift",), ("faulty", "likely")
 # What exports from the folder that is no more.
 EXPORT = f"make export SCENE={NAME}"
-# And what of a text points at it: "the command below", the trainers' commands.
+# And what of a text points at it: "the command below", lines, items of the page.
 BELOW = r"the\s+command\s+below"
-TRAINERS = re.compile(r"<li><label>Train on them.*?</li>", re.DOTALL)
+LINE = re.compile(rf"^ *(For other programs: )?{EXPORT}\n?", re.MULTILINE)
+ITEMS = "<li><label>Train on them.*?</li>|<li>For other programs.*?</li>"
+BLOCK = f'<div class="command"><code>{EXPORT}</code>.*?</div>'
+PARTS = re.compile(f"{ITEMS}|{BLOCK}", re.DOTALL)
 LINK = re.compile(r'<a (?:data-doc href="[^"]*"|href="[\w/.]+")>(.*?)</a>', re.DOTALL)
 
 Images = np.ndarray | Iterable[np.ndarray]
@@ -346,12 +349,11 @@ def report_of(work: Path, paths: Mapping[str, Path], cores: int | None) -> Repor
 
 def told(text: str, *, corrected: bool = False) -> str:
     """A text of a judgement for one who has its `Report`, and not its folder."""
-    text = re.sub(rf"^ *{EXPORT}(\n|$)", "", text, flags=re.MULTILINE)
+    text = PARTS.sub("", LINE.sub("", text))
     if corrected:
-        them = rf"{BELOW}\s+writes\s+them"
+        them = rf"{BELOW}\s+writes\s+them|an\s+export\s+corrects\s+them"
         text = re.sub(them, "they are in report.cameras", text)
-    text = re.sub(BELOW, "`why-blurry export`", TRAINERS.sub("", text))
-    return text.replace(EXPORT, "report.cameras" if corrected else "why-blurry export")
+    return re.sub(BELOW, "an export of `why-blurry judge`", text)
 
 
 def cameras_of(path: Path, folder: Path) -> dict[str, Any]:

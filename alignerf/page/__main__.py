@@ -98,15 +98,17 @@ def shown(folder, rounds, others, base, limit_px, verdict, crops, moved):
     """What the page shows of the photos, and what its scripts read."""
     photo_px, turns = gallery.scale(folder), contents.quarter_turns(folder)
     tried = verdict["tried"]
-    names = told.names(tried)
+    names, reference = told.names(tried), base.parent.name
+    own = names.get(reference, reference).partition(", ")[0]
     others = {names.get(method, method): one for method, one in others.items()}
     crops = (*crops[:2], names.get(crops[2], crops[2]))
     tried = [one | {"method": names.get(one["method"], one["method"])} for one in tried]
     judged = verdict["evidence"].get("judged")
-    whose = judged and "your model"
+    whose = f"the {own}" if own.endswith(" model") else reference
+    whose = "your model" if judged else whose
     every = gallery.shown(folder, rounds, others, base, limit_px, whose)
     entries = gallery.entries(every, limit_px, photo_px)
-    after = gallery.afters(every, tried, names.get(base.parent.name, base.parent.name))
+    after = gallery.afters(every, tried, names.get(reference, reference))
     images = pictures.fitted(every)
     there = [one for one in every if one.key in images]
     data = {

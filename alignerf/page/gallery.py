@@ -161,14 +161,14 @@ def captions(shown: Shown, photo_px):
     return {name: said[name] for name in shown.layers}
 
 
-def shown(folder, rounds, others, base, limit_px, whose=None):
+def shown(folder, rounds, others, base, limit_px, whose):
     """`Shown` of each photo that has a render, the worst first.
 
     rounds, others, base: as of `page.render`. limit_px: under which colours fade.
-    whose: what the reference is called; None: by its name.
+    whose: what the reference is called.
     """
     turns = contents.quarter_turns(folder)
-    sources = sources_of(rounds, others, base, f"by {whose or base.parent.name}")
+    sources = sources_of(rounds, others, base, f"by {whose}")
     path = folder / "transients.npz"
     masks = transients.read(path) if path.is_file() else {}
 
@@ -274,7 +274,7 @@ def strip(photos, limit_px):
 
 
 def afters(every, tried, reference=""):
-    """Layers of renders after a fix, the one that gained most first.
+    """Layers of renders after a fix, the headline's first, then what gained most.
 
     every: `Shown`s. tried: the verdict's; without them, the last is first. reference:
     the method of the rounds.
@@ -285,9 +285,9 @@ def afters(every, tried, reference=""):
     for one in tried:
         # Of several rounds the last is shown.
         own = rounds if one["method"] == reference else [f"render, {one['method']}"]
-        gained |= dict.fromkeys(own, one["db"])
-    order = list(reversed(names))
-    return sorted(order, key=lambda name: -gained.get(name, -np.inf))
+        gained |= dict.fromkeys(own, (one["in_headline"], one["db"]))
+    worst = False, -np.inf
+    return sorted(names, key=lambda name: gained.get(name, worst))[::-1]
 
 
 def opening(every, after):

@@ -109,11 +109,12 @@ def ends_of(one):
 
 
 def names(tried):
-    """{method: its name in words}, of methods that a run has tried one fix of."""
-    methods = [one["method"] for one in tried]
-    return {
-        one["method"]: one["name"] for one in tried if methods.count(one["method"]) == 1
-    }
+    """{method: its name in words}; of several fixes what their names begin with."""
+    found = {}
+    for one in tried:
+        before = found.get(one["method"])
+        found[one["method"]] = before.partition(", ")[0] if before else one["name"]
+    return found
 
 
 def trainers(place):

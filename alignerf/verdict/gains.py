@@ -16,7 +16,7 @@ from alignerf.sfm import acceptance, calibration, matches
 from alignerf.tables import scores
 
 COLUMNS = ("method", "field", "warping", "test_set", "difference_to", "total_time_s")
-COLUMNS += ("moves_cameras", "moves_photos")
+COLUMNS += ("moves_cameras", "moves_photos", "params")
 COLUMNS += ("difference_db", "difference_low_db", "difference_high_db")
 
 
@@ -62,11 +62,19 @@ def of_table(path, timings, judgements=()):
 
 
 def names(table):
-    """{method: its name in words}: what it is for, where no other method is that."""
+    """{method: its name in words}: what it is for, where no other method is that.
+
+    Of two baselines one is called the large model.
+    """
     found = {}
+    bases = table[table["method"] == table["difference_to"]]
+    sizes = bases.groupby("method")["params"].max().sort_values()
+    plain = dict.fromkeys(sizes.index, "plain")
+    if len(sizes) == 2 and sizes.is_unique:
+        plain = dict(zip(sizes.index, ("small model", "large model"), strict=True))
     for row in table.itertuples():
-        if row.method == row.difference_to:
-            found[row.method] = "plain"
+        if row.method in plain:
+            found[row.method] = plain[row.method]
         elif (row.moves_cameras, row.moves_photos) == (True, False):
             found[row.method] = "corrected cameras"
     words = [*found.values()]

@@ -12,7 +12,7 @@ CAUSE = dict.fromkeys(TEXTS, str) | dict.fromkeys(("value", "limit"), NUMBER_OR_
 CAUSE |= {"more_is_better": bool, "level": json_files.one_of(*LEVELS)}
 FIX = dict.fromkeys(("name", "method", "test_set", "matches", "text"), str)
 FIX |= dict.fromkeys(("low", "high"), NUMBER_OR_NONE) | {"db": NUMBER}
-FIX |= {"seconds": NUMBER, "pays": bool, "notes": [str]}
+FIX |= {"seconds": NUMBER, "pays": bool, "notes": [str], "in_headline": bool}
 EVIDENCE = {
     "pairs": {"stops": bool},
     "overfit_px": OrNone(NUMBER),

@@ -140,11 +140,16 @@ def misaligned(e, named):
     return f"{called}: misaligned by {px}" if called else f"misaligned by {px}"
 
 
-def corrected(e):
-    """What corrected cameras bring, where this run says so; else nothing."""
+def correction(e):
+    """The gain of the corrected cameras that bring most, where some do; else None."""
     known = [one for one in e.tried if one.in_loop and remedies.pays(e, one)]
     best = max(known, key=lambda one: one.db, default=None)
-    if best is None or not best.low > 0:
+    return best if best and best.low > 0 else None
+
+
+def corrected(e):
+    """What corrected cameras bring, where this run says so; else nothing."""
+    if (best := correction(e)) is None:
         return ""
     db, *ends = spoken(best.db, best.low, best.high)
     return f" Corrected: {db} dB ({' to '.join(ends).replace('+', '')})."
@@ -229,7 +234,8 @@ def tried(gain, e):
     told = {"text": f"{'; '.join(parts + notes)}.", "pays": remedies.pays(e, gain)}
     kept = ("name", "db", "low", "high", "test_set", "method")
     told |= {key: getattr(gain, key) for key in kept}
-    return told | {"seconds": took_s(gain), "matches": matches, "notes": notes}
+    told |= {"seconds": took_s(gain), "matches": matches, "notes": notes}
+    return told | {"in_headline": gain is correction(e)}
 
 
 def took_s(gain):
@@ -257,8 +263,8 @@ def gauge(one, e):
     allowed = allowed if one.limit or one.more_is_better else "none"
     measured = one.measured or amount(one.value, unit)
     note = f"{CANNOT_TELL} {one.spoilt}" if one.spoilt else ""
-    if not note and level == UNKNOWN and one.detectable and is_beyond(one):
-        note = insignificant(one, e, measured)
+    if not note and level == UNKNOWN:
+        note = why_unknown(one, e, measured)
     said = note if level == UNKNOWN else f"{measured}; {note or f'fine: {allowed}'}"
     return {
         "cause": cause.name,
@@ -276,8 +282,12 @@ def gauge(one, e):
     }
 
 
-def insignificant(one, e, measured):
-    """Why a value beyond its limit is not called a fault."""
+def why_unknown(one, e, measured):
+    """Why a cause cannot be told by what was measured of it."""
+    if not math.isfinite(one.value):
+        return "not measured"
+    if not (one.detectable and is_beyond(one)):
+        return f"{measured}, too uncertain"
     errors = getattr(e, ERRORS.get(one.cause, ""), math.nan)
     if 0 < errors <= lens.LENS_ERRORS:
         bound = length(lens.LENS_ERRORS * one.value / errors)

@@ -1,6 +1,7 @@
 """`alignerf.diagnose`: arrays or files in, what is wrong out."""
 
 import os
+import re
 import sys
 import tempfile
 
@@ -10,6 +11,7 @@ import pytest
 
 import alignerf
 from alignerf.api import diagnosis
+from alignerf.page import __main__ as page
 from tests import judged_cases as cases
 
 N = 6
@@ -72,17 +74,35 @@ def test_cameras_that_are_right_come_back(report, cameras):
     assert report.cameras["names"][0] == "view0000"
 
 
-def test_a_report_points_at_no_folder_that_is_gone(root):
+def test_a_report_points_at_no_folder_that_is_gone():
     """What a command writes is in the report, or takes a judgement of files."""
     folded = "Train again: the\n             command below writes them.\n"
     command = f"    {diagnosis.EXPORT}\n"
     told = diagnosis.told(folded + command, corrected=True)
     assert told == "Train again: they are in report.cameras.\n"
     told = diagnosis.told(f"Mask it (the command below writes masks).\n{command}")
-    assert told == "Mask it (`why-blurry export` writes masks).\n"
-    page = (root / "alignerf/page/verdict.html").read_text()
-    assert "data-trainer" in page
-    assert "data-trainer" not in diagnosis.told(page)
+    assert told == "Mask it (an export of `why-blurry judge` writes masks).\n"
+    told = diagnosis.told("By matches, poses are off: an export\n corrects them.")
+    assert "export" in told
+    poses_are = diagnosis.told("poses: an export\n corrects them.", corrected=True)
+    assert poses_are == "poses: they are in report.cameras."
+    environment = page.template().environment
+    made = environment.get_template("verdict.html").render(
+        parts=environment.get_template("parts.html").module,
+        verdict={
+            "do_first": {"text": "", "command": diagnosis.EXPORT},
+            "because": [],
+            "about": [],
+            "fixes": None,
+        },
+        export_command=f"{diagnosis.EXPORT} ",
+        trainers={"Brush": "brush ."},
+        summary=f"Mask\n    {diagnosis.EXPORT}\nFor other programs: {diagnosis.EXPORT}",
+    )
+    for corrected in (False, True):
+        told = diagnosis.told(made, corrected=corrected)
+        assert "Copy a summary" in told
+        assert not re.search("export|brush|For other|class=.command", told)
 
 
 def test_nothing_of_the_caller_changes(report, tmp_path, monkeypatch):

@@ -206,9 +206,10 @@ def causes(results):
 
 def cause(name, level, value, limit, unit, more_is_better=False):
     """A cause as a verdict tells it."""
+    note = "not measured" if value is None else ""
     told = {"cause": name, "name": f"{name}'s name", "level": level, "unit": unit}
     told |= {"value": value, "limit": limit, "more_is_better": more_is_better}
-    told |= {"measured": f"{value} {unit}", "allowed": f"up to {limit}", "note": ""}
+    told |= {"measured": f"{value} {unit}", "allowed": f"up to {limit}", "note": note}
     told["page"] = "howto/fix.md#poses-are-off"
     return told | {"text": f"{name}'s name ({value} {unit})"}
 
@@ -217,4 +218,5 @@ def fix(name, db, *, pays=False, notes=(), matches=""):
     """A fix that was tried, as a verdict tells it."""
     told = {"name": name, "method": name, "db": db, "low": db - 0.3, "high": db + 0.3}
     told |= {"pays": pays, "notes": [*notes], "matches": matches, "seconds": 40}
+    told |= {"in_headline": bool(matches)}
     return told | {"test_set": "oracle", "text": f"{name}: {db:+.1f} dB"}

@@ -12,7 +12,7 @@ from alignerf.page import gallery, pictures
 def shown(results):
     base = results / "base/round0"
     rounds = [(base / "renders/test", base / "flow/test")]
-    return gallery.shown(results, rounds, {}, base, 0.25)
+    return gallery.shown(results, rounds, {}, base, 0.25, "plain")
 
 
 def decoded(uri):

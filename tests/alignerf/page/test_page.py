@@ -202,14 +202,20 @@ def test_it_opens_with_a_photo_that_fits_into_the_page(render, monkeypatch):
     assert data_of(render())["opening"]["key"] == "test/01"
 
 
-def test_of_rounds_that_gained_most_the_last_is_the_after(render, results, causes):
+@pytest.mark.parametrize("in_headline", [False, True])
+def test_of_rounds_that_gained_most_the_last_is_the_after(
+    render, results, causes, in_headline
+):
+    """Unless the headline tells another fix."""
     folders = [results / f"base/round1/{kind}/test" for kind in ("renders", "flow")]
     path = results / "verdict.json"
     told = json.loads(path.read_text())
+    told["tried"][0]["in_headline"] = in_headline
     told["tried"][1] |= {"method": "base", "db": 2.0}
     path.write_text(json.dumps(told))
     data = data_of(render(others={"aligned": folders}))
-    assert data["after"][0] == "render after round 1"
+    after = ["render after round 1", "render, aligned"]
+    assert data["after"] == after[:: -1 if in_headline else 1]
 
 
 def test_the_after_is_that_of_the_method_that_gained_most(render, results, causes):

@@ -122,19 +122,40 @@ def test_the_most_cameras_that_a_training_moved(tmp_path, counts, most):
     assert gains.cameras_moved(path) is None
 
 
-def test_a_name_in_words_says_nothing_twice(tmp_path):
-    rows = [
-        ("plain", "grid", False, 0.0, -0.1, 0.1),
-        ("auto", '"grid, cameras corrected, then learned"', True, 1.0, 0.5, 1.5),
-    ]
-    columns = "method,field,moves_cameras,difference_db,difference_low_db,"
-    columns += "difference_high_db,moves_photos,warping,test_set,difference_to,"
+def table_of(tmp_path, rows):
+    """A table of gains; rows: method, field, moves cameras, photos, warping, against,
+    dB, and parameters."""
+    columns = "method,field,moves_cameras,moves_photos,warping,difference_to,"
+    columns += "difference_db,params,difference_low_db,difference_high_db,test_set,"
     lines = [f"{columns}total_time_s"]
     lines += [
-        ",".join(map(str, [*row, "False,none,aligned_pose,plain,60"])) for row in rows
+        ",".join(map(str, [*row, row[6] - 0.5, row[6] + 0.5, "aligned_pose,60"]))
+        for row in rows
     ]
     (tmp_path / "table.csv").write_text("\n".join(lines))
+    return tmp_path / "table.csv"
+
+
+def test_a_name_in_words_says_nothing_twice(tmp_path):
+    field = '"grid, cameras corrected, then learned"'
+    rows = [
+        ("plain", "grid", False, False, "none", "plain", 0.0, 7),
+        ("auto", field, True, False, "none", "plain", 1.0, 7),
+    ]
     (tmp_path / "timing.json").write_text("{}")
     in_loop = {"auto": tmp_path / "timing.json"}
-    (gain,) = gains.of_table(tmp_path / "table.csv", in_loop)
+    (gain,) = gains.of_table(table_of(tmp_path, rows), in_loop)
     assert gain.name == "corrected cameras"
+
+
+@pytest.mark.parametrize("params", [(7, 8), (8, 7), (7, 7)])
+def test_two_baselines_are_told_apart_by_their_sizes(tmp_path, params):
+    rows = [
+        (name, "grid", False, k > 0, warping, name, 0.5 * k, size)
+        for name, size in zip(("one", "other"), params, strict=True)
+        for k, warping in enumerate(("none", "once"))
+    ]
+    found = [gain.name for gain in gains.of_table(table_of(tmp_path, rows), {})]
+    words = {7: "small model", 8: "large model"}
+    names = [words[n] for n in params] if len({*params}) > 1 else ["one", "other"]
+    assert found == [f"{name}, warped once" for name in names]

@@ -3,6 +3,7 @@
 import itertools
 import math
 import re
+from operator import itemgetter
 
 import pandas as pd
 import pytest
@@ -138,7 +139,10 @@ def test_levels_of_what_is_not_named():
     """What a short training or an unknown number does not tell is not called fine."""
 
     def levels(e, level):
-        return {one["cause"] for one in of(e)["causes"] if one["level"] == level}
+        found = [one for one in of(e)["causes"] if one["level"] == level]
+        # Each has a reason, which terminal and page show.
+        assert all(map(itemgetter("note"), found)) or level != "cannot tell"
+        return {one["cause"] for one in found}
 
     of_matches = {"focal", "rolling_shutter"}
     assert levels(WELL, "ok") == {*FAULTS} - of_matches
@@ -356,6 +360,7 @@ def test_the_headline_says_why_it_is_blurry_and_what_correcting_brings(changes, 
     e = cases.with_faults("camera", test_views=9)
     told = of(e, [GAIN._replace(**changes)])
     assert told["headline"] == f"Blurry because poses are off by 2.4 px{said}"
+    assert [one["in_headline"] for one in told["tried"]] == ["Corrected" in said]
 
 
 def test_where_photos_are_misaligned_the_farthest_off_are_named():
