@@ -353,6 +353,7 @@ def told(text: str, *, corrected: bool = False) -> str:
     if corrected:
         them = rf"{BELOW}\s+writes\s+them|an\s+export\s+corrects\s+them"
         text = re.sub(them, "they are in report.cameras", text)
+    text = text.replace("DEPTH=folder", "depth=")
     return re.sub(BELOW, "an export of `why-blurry judge`", text)
 
 

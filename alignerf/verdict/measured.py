@@ -8,6 +8,7 @@ import math
 from alignerf.causes import camera
 from alignerf.causes.base import length
 from alignerf.causes.shared import misalignment
+from alignerf.io import provenance
 from alignerf.tables import columns
 from alignerf.verdict import views as of_views
 
@@ -156,6 +157,9 @@ def compared(before, now):
 def judged(e):
     """Of renders of another program: what could not be told, and why."""
     found = [DEPTHS[e.judged.depth]]
+    if e.judged.depth != "given" and e.judged.cameras != "none":
+        option = provenance.typed("DEPTH=folder", "--depth folder")
+        found[0] += f" Renders' own depth is given with {option}."
     if e.judged.before:
         name, *shifts, scores = e.judged.before
         kinds = ("training photos", "held-out ones")

@@ -84,6 +84,7 @@ def test_a_report_points_at_no_folder_that_is_gone():
     assert told == "Mask it (an export of `why-blurry judge` writes masks).\n"
     told = diagnosis.told("By matches, poses are off: an export\n corrects them.")
     assert "export" in told
+    assert diagnosis.told("given with DEPTH=folder.") == "given with depth=."
     poses_are = diagnosis.told("poses: an export\n corrects them.", corrected=True)
     assert poses_are == "poses: they are in report.cameras."
     environment = page.template().environment

@@ -194,7 +194,9 @@ def test_what_was_measured_has_its_numbers():
     # One floor for what is called aligned and for what can be told.
     assert "under 0.90 px" in said(overfit_px=0.45)
     for depth, words in measured.DEPTHS.items():
-        assert words in said(judged=JUDGED._replace(depth=depth))
+        text = said(judged=JUDGED._replace(depth=depth))
+        assert words in text
+        assert ("given with DEPTH=folder." in text) == (depth != "given")
     before = JUDGED._replace(before=("first", 2.4, None, None))
     assert "in first, it was 2.4 px on" in said(judged=before)
     none = {"test_views": 0, "flow_test_px": math.nan, "psnr_test_db": math.nan}
