@@ -36,8 +36,8 @@ PROBED_FRACTION, MIN_PROBED = 0.2, 8
 # Of a view as many pixels say where its camera is: a flow is smooth.
 FITTED_PIXELS = 1000
 # Of a pixel of a small image: a photo and where it counts, a depth, a flow and where it
-# holds; offsets and where they hold, before, now and packed for the disk.
-SMALL_BYTES = 3 + 1 + 4 + 8 + 1 + 3 * (8 + 1)
+# holds; offsets before, now and packed for the disk.
+SMALL_BYTES = 3 + 1 + 4 + 8 + 1 + 3 * 8
 
 
 class Aligner:
@@ -58,7 +58,7 @@ class Aligner:
         except ValueError as error:
             raise ValueError(f"{scene.photos}: {error}") from None
         self.now = scene.loaded
-        self.offsets_px = self.valid = None
+        self.offsets_px = None
         self.report = []
         self.identity, self.places, self.steps = "", {}, 0
         self.look = look.Looker(self.method, scene, self.k, job.aligns)
@@ -126,7 +126,7 @@ class Aligner:
             row |= self.move_photos(seen, corrections)
         elif row.get("cameras_moved"):
             # Offsets from renders by other cameras say nothing of these.
-            self.offsets_px = self.valid = None
+            self.offsets_px = None
         if LEARN in kinds:
             # A flow that nothing explains does not say that cameras are right.
             stay = sum(bool(one.left_alone) and one.trusted for one in corrections)
@@ -229,15 +229,12 @@ class Aligner:
 
         corrections: of the cameras at this step, or None.
         """
-        whole = self.settings.photos == "whole"
-        options = {"whole": whole, "max_pixels": FITTED_PIXELS}
         corrections = corrections or [None] * len(seen)
-        fields = [
-            warped.offsets(view, one, **options)
+        offsets = [
+            warped.offsets(view, one, max_pixels=FITTED_PIXELS)
             for view, one in zip(seen, corrections, strict=True)
         ]
-        self.offsets_px = np.stack([offset for offset, _ in fields]).astype(np.float32)
-        self.valid = np.stack([valid for _, valid in fields])
+        self.offsets_px = np.stack(offsets).astype(np.float32)
         moving = (self.offsets_px != 0).any(axis=-1).mean(axis=(1, 2))
         return {
             "photos_warped": int((moving > 0).sum()),
@@ -248,7 +245,7 @@ class Aligner:
         """The `batches.Views` after the alignments so far; views: before them."""
         chosen = self.scene.views
         if self.offsets_px is not None:
-            views = warped.warped(views, self.offsets_px, self.valid, self.k)
+            views = warped.warped(views, self.offsets_px, self.k)
         return views._replace(
             pixtocams=self.now.pixtocams[chosen].astype(np.float32),
             camtoworlds=self.now.camtoworlds[chosen].astype(np.float32),
@@ -261,7 +258,7 @@ class Aligner:
             "camtoworlds": np.asarray(self.now.camtoworlds),
         }
         if self.offsets_px is not None:
-            arrays |= {"offsets_px": self.offsets_px, "valid": self.valid}
+            arrays["offsets_px"] = self.offsets_px
         return arrays
 
     def take(self, arrays):
@@ -271,7 +268,7 @@ class Aligner:
             pixtocams=arrays["pixtocams"],
             camtoworlds=arrays["camtoworlds"],
         )
-        self.offsets_px, self.valid = arrays.get("offsets_px"), arrays.get("valid")
+        self.offsets_px = arrays.get("offsets_px")
 
     def write(self, folder, views):
         """Write the photos as they are warped into a folder, where any may be.
@@ -302,7 +299,6 @@ class Aligner:
             "pixtocams": ((n, 3, 3), "float64"),
             "camtoworlds": ((n, 3, 4), "float64"),
             "offsets_px": ((views, h, w, 2), "float32"),
-            "valid": ((views, h, w), "bool"),
         }
 
 

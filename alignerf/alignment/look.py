@@ -75,13 +75,13 @@ def read_photos(loaded: prepared.Scene, views, folder, k):
     return photos
 
 
-def flow_of(render, photo, *, estimator, match_blur):
+def flow_of(render, photo, *, estimator):
     """(flow_px, valid) between two small images.
 
     valid: the flow from photo to render agrees (forward-backward check). On courtyard,
     where offsets are short, the check changed no score; it is for long offsets.
     """
-    options = {"match_blur": match_blur, "tolerance_px": TOLERANCE_PX}
+    options = {"match_blur": False, "tolerance_px": TOLERANCE_PX}
     options |= {"method": estimator, "back": estimators.METHODS[estimator].checked_by}
     return estimate.flow_and_validity(render, photo, **options)[:2]
 
@@ -129,11 +129,7 @@ class Looker:
     def __init__(self, method, scene: Scene, k, settings):
         """k: factor by which images are made smaller; settings: a job's `align`."""
         self.method, self.scene, self.k = method, scene, k
-        self.flow_of = functools.partial(
-            flow_of,
-            estimator=settings.estimator,
-            match_blur=settings.match_blur,
-        )
+        self.flow_of = functools.partial(flow_of, estimator=settings.estimator)
         self.photos = self.render = None
         self.compile_time_s = 0.0
 

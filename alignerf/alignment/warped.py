@@ -22,26 +22,21 @@ MIN_MOVE_PX = 0.2
 CLEAR_PX = 0.5
 
 
-def offsets(view: correct.View, correction=None, *, whole, max_pixels):
-    """(offsets_px, valid) of one view: the offsets by which its photo is warped.
+def offsets(view: correct.View, correction=None, *, max_pixels):
+    """offsets_px of one view, by which its photo is warped: of what no camera explains.
 
-    correction: by which its camera moves at this step, if it does; what that explains
-    of the flow is then no part of an offset. whole: all of the rest; else only what
-    moves otherwise than with a camera. max_pixels: that say where the camera is.
+    correction: by which its camera moves at this step, if it does. max_pixels: that say
+    where the camera is.
     """
     if correction is not None and not correction.trusted:
         # A flow that no camera explains, or too little of it, is no motion either.
-        return np.zeros_like(view.flow_px), np.ones_like(view.valid)
+        return np.zeros_like(view.flow_px)
     motion = camera_motion.STILL if correction is None else correction.motion
-    if whole:
-        points = camera_motion.points_of(view.pixtocam, view.depth)
-        camera_px = camera_motion.flow(motion, points).astype(np.float32)
-        return view.flow_px - camera_px, view.valid
     fit = camera_fit.split(*view, log_focal=motion.log_focal, max_pixels=max_pixels)
     moves = moving(fit)
     still = np.zeros_like(fit.remainder_px)
     # What stays where it is needs no flow to be valid, and what moves has one.
-    return np.where(moves[..., None], fit.remainder_px, still), np.ones_like(fit.valid)
+    return np.where(moves[..., None], fit.remainder_px, still)
 
 
 def moving(fit: camera_fit.Fit):
@@ -58,19 +53,19 @@ def moving(fit: camera_fit.Fit):
     return is_clear[regions]
 
 
-def warped(views: batches.Views, offsets_px, valid, k):
+def warped(views: batches.Views, offsets_px, k):
     """The views with their photos warped by offsets, and the pixels that then count."""
     n, h, w, _ = views.photos.shape
     photos = prepared.empty_images((n, h, w, 3))
 
     def one(i):
-        if valid[i].all() and not offsets_px[i].any():
+        if not offsets_px[i].any():
             photos[i] = views.photos[i]
             return views.valid[i]
         flow_px = small.enlarge(offsets_px[i], k, (h, w))
         photos[i] = warp.warp(views.photos[i], flow_px)
         counts = batches.unpack_valid(views.valid[i], w)
-        inside = small.enlarge_mask(valid[i], k, (h, w)) & warp.in_frame(flow_px)
+        inside = warp.in_frame(flow_px)
         if not counts.all():
             inside &= warp.sees_only(flow_px, counts)
         # Photos of which nothing holds stay as taken: something has to be learnt.

@@ -70,17 +70,9 @@ class Experiment:
         """The method whose round 0 is the baseline of a method in tables."""
         return methods.of_method(self.methods[method]).baseline(self, method)
 
-    def label(self, method):
-        """How tables call a method: its field, and what else the method is."""
-        return methods.label(self, method)
-
     def moves(self, method, round=None):
         """What a method has changed by a round, see `methods.moves`."""
         return methods.moves(self.methods[method], round)
-
-    def input_cameras(self, scene, method):
-        """{"cameras": path} of those that a method begins with, if not the scene's."""
-        return methods.input_cameras(self, scene, method)
 
     @kept
     def rounds_of(self, scene, method):

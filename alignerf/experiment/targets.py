@@ -22,7 +22,7 @@ from alignerf.io import (
 # Of the config that runs, beside what the paper prints.
 COMPARISON = f"{layout.RESULTS}/comparison.csv"
 TABLES = ("misalignment", "controls", "displacement")
-FIGURES = ("flow", "rounds", "views", "lengths", "curves", "crops")
+FIGURES = ("flow", "rounds", "lengths", "curves", "crops")
 
 
 def tables(known):

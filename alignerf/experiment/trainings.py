@@ -54,16 +54,6 @@ class Training(NamedTuple):
         return self.folder.partition("/")[0]
 
     @property
-    def learnt(self):
-        """Folder of the cameras that its renders are seen by, and of warped photos."""
-        return self.path.learnt
-
-    @property
-    def model(self):
-        """Its parameters."""
-        return self.path.model
-
-    @property
     def value(self):
         """What equal trainings have in common: all but the folder."""
         return self._replace(folder="")
@@ -82,7 +72,7 @@ class Training(NamedTuple):
         if self.valid:
             return {"photos": self.photos, "valid": self.valid}
         if "photos" in self.job.moves:
-            return {name: f"{self.learnt}/{name}" for name in ("photos", "valid")}
+            return {name: f"{self.path.learnt}/{name}" for name in ("photos", "valid")}
         return {}
 
     def inputs(self):

@@ -25,14 +25,11 @@ class Align(Keys):
     )
     photos_at: list[float] = key(
         [0.35],
-        "fractions of the steps at which photos are warped, after the cameras",
+        "fractions of the steps at which photos are warped, after the cameras, by flow "
+        "that no moved camera explains",
         above=0,
         most=0.99,
         length=(0, 16),
-    )
-    photos: Literal["moving", "whole"] = key(
-        "moving",
-        "what a photo is warped by: flow that no moved camera explains, or all flow",
     )
     shrink: int = key(
         3,
@@ -50,9 +47,6 @@ class Align(Keys):
     )
     estimator: Literal[estimators.EVERY] = key(
         "deepflow", "optical flow, see `flow.estimator`"
-    )
-    match_blur: bool = key(
-        False, "blur the photo like the render, for the estimate only"
     )
 
     def faults(self):

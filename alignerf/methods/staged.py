@@ -124,7 +124,7 @@ class Staged(base.Method):
         folder = f"pretrain/{method.model}{'.adjusted' * bool(more)}"
         pretrained = once(trainings.from_photos(scene, folder, job, **more))
         job = self.finetuning(experiment, scene, name)
-        more |= {"initial": pretrained.model, "after": (pretrained,)}
+        more |= {"initial": pretrained.path.model, "after": (pretrained,)}
         return [once(trainings.from_photos(scene, f"{name}/round0", job, **more))]
 
     def pretraining(self, experiment, scene, name):

@@ -22,11 +22,16 @@ ANNEAL_SLOPE = 10.0
 
 
 class Rendering(NamedTuple):
-    """What a batch of rays gives: one (sdist, weights) per sampling round."""
+    """What a batch of rays gives.
+
+    histograms: (sdist, weights) of each sampling round; none without proposals. coarse:
+    of systems that look twice, what the first look saw.
+    """
 
     values: Float[Array, "rays c"]
     depth: Float[Array, "rays"]
-    histograms: list[tuple[Array, Array]]
+    histograms: Sequence[tuple[Array, Array]] = ()
+    coarse: Sequence[Array] = ()
 
 
 class Model(nn.Module):

@@ -10,8 +10,8 @@ import flax.linen as nn
 import jax
 
 from alignerf.fields import encoding
-from alignerf.mipnerf360 import coord, render
-from alignerf.rays import rendering, sampling
+from alignerf.mipnerf360 import coord, model, render
+from alignerf.rays import sampling
 
 DENSITY_BIAS, PADDING, COARSE = -1.0, 0.001, 0.1
 
@@ -46,7 +46,7 @@ class MipNerf(nn.Module):
         weights, coarse, _ = self.look(rays, t)
         t = sampling.sample_pdf(again, t, sampling.blurred(weights), last)
         _, values, depth = self.look(rays, t)
-        return rendering.Rendering(values, depth, coarse=(coarse,))
+        return model.Rendering(values, depth, coarse=(coarse,))
 
     def look(self, rays, t):
         """(weights, colours, depth) of the intervals between edges t."""

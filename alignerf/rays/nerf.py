@@ -10,6 +10,7 @@ import flax.linen as nn
 import jax
 
 from alignerf.fields import encoding
+from alignerf.mipnerf360 import model
 from alignerf.rays import rendering, sampling
 
 
@@ -46,7 +47,7 @@ class Nerf(nn.Module):
         weights, coarse, _ = self.look(self.coarse, rays, t, noises[0])
         t = sampling.fine_samples(again, t, weights, more)
         weights, values, depth = self.look(self.fine, rays, t, noises[1])
-        return rendering.Rendering(values, depth, coarse=(coarse,))
+        return model.Rendering(values, depth, coarse=(coarse,))
 
     def look(self, network, rays, t, noise):
         """(weights, colours, depth) of the points at t by a network."""

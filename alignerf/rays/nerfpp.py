@@ -11,6 +11,7 @@ import flax.linen as nn
 import jax.numpy as jnp
 
 from alignerf.fields import encoding, space
+from alignerf.mipnerf360 import model
 from alignerf.rays import rendering, sampling
 
 
@@ -51,7 +52,7 @@ class NerfPlusPlus(nn.Module):
         t = sampling.fine_samples(places[2], t, looked[0], more)
         u = sampling.fine_samples(places[3], u, looked[1], more)
         values, depth, _ = self.look(1, rays, t, u, leave)
-        return rendering.Rendering(values, depth, coarse=(coarse,))
+        return model.Rendering(values, depth, coarse=(coarse,))
 
     def look(self, number, rays, t, u, leave):
         """(colours, depth, weights of both parts) at t within, at 1 / r = u outside."""

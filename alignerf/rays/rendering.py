@@ -1,11 +1,10 @@
-"""What a system's model gives for a batch of rays, and the losses on it.
+"""The losses on a `mipnerf360.model.Rendering`, which every system's model gives.
 
 A loss is a function (rendering, photo [rays, 3], weight [rays]) -> mean over the rays;
 a weight of zero leaves a ray out.
 """
 
 import functools
-from typing import NamedTuple
 
 import jax.numpy as jnp
 from jaxtyping import Array, Float
@@ -14,16 +13,6 @@ from alignerf.mipnerf360 import losses
 
 # Where Huber's loss goes over from a square to a line, in instant-ngp.
 HUBER = 0.1
-
-
-class Rendering(NamedTuple):
-    """Colours, depth, and of systems that look twice what the first look saw."""
-
-    values: Float[Array, "rays c"]
-    depth: Float[Array, "rays"]
-    # As of `mipnerf360.model.Rendering`; none without proposals.
-    histograms: tuple = ()
-    coarse: tuple = ()
 
 
 def depth_of(weights: Float[Array, "rays n"], t: Float[Array, "rays n"]):

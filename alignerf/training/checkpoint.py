@@ -77,7 +77,7 @@ def save(folder, state, *, identity, time_s, micro_batches, final):
     micro_batches: their number, on which the rounding of a step depends. final: the
     numbers of the last steps.
     """
-    state, path = jax.device_get(state), manifest_of(folder)
+    path = manifest_of(folder)
     facts = {"identity": identity, "time_s": time_s, "parts": micro_batches}
     data, step = flax.serialization.to_bytes(state), int(state.step)
 

@@ -1,4 +1,4 @@
-"""Figures of what the misalignment is made of: maps, lengths, and rounds.
+"""Figures of what the misalignment is made of: lengths, and rounds.
 
 Notation: `parts` {view: {part: flow_px [h, w, 2]}} with valid [h, w] among them; all
 lengths in pixels.
@@ -10,12 +10,12 @@ import matplotlib.figure
 import numpy as np
 import pandas as pd
 
-from alignerf.io import archives, csv_files, faults, images
+from alignerf.io import archives, csv_files, faults
 from flow.figures import drawing
 
 log = logging.getLogger("alignerf")
 
-# In the order of the columns; the model's part only where the truth is known.
+# In this order; the model's part only where the truth is known.
 TITLES = {
     "flow_px": "flow to photo",
     "model_px": "model's part",
@@ -33,10 +33,6 @@ WIDTH_INCH = 7.2
 BINS = 80
 # Of the flow's lengths, what the histogram shows.
 SHOWN_PERCENTILE = 99
-NOTE = (
-    "color: direction and length of the flow, one scale for all maps\n"
-    "number above a map: median length over valid pixels; black: not valid"
-)
 
 
 def read_parts(folder):
@@ -60,37 +56,6 @@ def read_view(path):
 def present(parts):
     """The parts that every view has, in order."""
     return [name for name in TITLES if all(name in view for view in parts.values())]
-
-
-def draw_views(parts, photos, renders, path):
-    """A row per test view: photo, render, flow and its parts, on one colour scale."""
-    names = present(parts)
-    scale_px = drawing.flow_scale(
-        [(view["flow_px"], view["valid"]) for view in parts.values()]
-    )
-    height, width = next(iter(parts.values()))["valid"].shape
-    row_inch = WIDTH_INCH / (2 + len(names)) * height / width + 0.2
-    inches = row_inch * len(parts) + 0.15, 1.1
-    figure = matplotlib.figure.Figure(
-        figsize=(WIDTH_INCH, sum(inches)), layout="constrained"
-    )
-    top, bottom = figure.subfigures(2, height_ratios=inches)
-    rows = top.subplots(len(parts), 2 + len(names), squeeze=False)
-    for number, (axes, (view, parts_of_view)) in enumerate(
-        zip(rows, parts.items(), strict=True)
-    ):
-        shown = [images.read(folder / f"{view}.png") for folder in (photos, renders)]
-        titles = [f"photo {view}", "render"]
-        for name in names:
-            flow = parts_of_view[name], parts_of_view["valid"]
-            shown.append(drawing.coloured(flow, scale_px))
-            heading = f"{TITLES[name]}\n" if number == 0 else ""
-            titles.append(f"{heading}{drawing.median(flow)}")
-        for axis, image, title in zip(axes, shown, titles, strict=True):
-            axis.imshow(image)
-            axis.set_title(title, fontsize=drawing.FONT_SIZE - 1)
-    drawing.draw_legend(bottom, scale_px, NOTE)
-    drawing.save_images(figure, path)
 
 
 def draw_lengths(parts, path):

@@ -3,9 +3,9 @@
 flow.png: for one test view photo, the reference model's render, and the flow between
 them. rounds.png: photo, the renders of each round above the flow that each round's
 render still has to the photo. Both with the colour wheel and its scale in pixels.
-Of the parts that `flow.decompose` found: views.png, every test view with its flow and
-the parts; lengths.png, their histogram; curves.png, misalignment and PSNR over the
-rounds. Where there are staged methods, crops.png: see `crops`.
+lengths.png: a histogram of the flow and of the parts that `flow.decompose` found.
+curves.png: misalignment and PSNR over the rounds. Where there are staged methods,
+crops.png: see `crops`.
 """
 
 import json
@@ -20,7 +20,7 @@ from flow.figures import drawing
 from flow.figures import parts as part_figures
 from flow.warping import files
 
-FIGURES = ("flow", "rounds", "views", "lengths", "curves")
+FIGURES = ("flow", "rounds", "lengths", "curves")
 
 
 def main(photos, testset, reference, rounds, parts, curves, out, crops=None):
@@ -34,10 +34,7 @@ def main(photos, testset, reference, rounds, parts, curves, out, crops=None):
     figures = {name: out / f"{name}.png" for name in FIGURES}
     rounds = rows_of(rounds, "--rounds")
     draw_middle_view(photos, testset, reference, rounds, figures)
-    views_parts = part_figures.read_parts(parts)
-    renders = Path(rounds[0]["renders"])
-    part_figures.draw_views(views_parts, photos, renders, figures["views"])
-    part_figures.draw_lengths(views_parts, figures["lengths"])
+    part_figures.draw_lengths(part_figures.read_parts(parts), figures["lengths"])
     table = part_figures.read_rounds(curves)
     part_figures.draw_rounds(table, figures["curves"])
     if crops is not None:

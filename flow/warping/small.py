@@ -35,17 +35,7 @@ def enlarge(flow_px, k, size):
 
     size: (h, w).
     """
-    return np.float32(k) * _at_large(np.asarray(flow_px, np.float32), k, size)
-
-
-def enlarge_mask(mask, k, size):
-    """The mask [h, w]: true where all small pixels around are."""
-    return _at_large(mask.astype(np.float32), k, size) > 1 - 1e-3
-
-
-def _at_large(values, k, size):
-    """Values of the small image at the pixels of the large one."""
     y, x = np.indices(size, np.float32)
     at = [(axis + 0.5) / k - 0.5 for axis in (x, y)]
-    border = cv2.BORDER_REPLICATE
-    return cv2.remap(values, *at, cv2.INTER_LINEAR, borderMode=border)
+    small_px, border = np.asarray(flow_px, np.float32), cv2.BORDER_REPLICATE
+    return np.float32(k) * cv2.remap(small_px, *at, cv2.INTER_LINEAR, borderMode=border)

@@ -1,4 +1,4 @@
-"""Copies of the tree to which a patch of one new file has been applied."""
+"""Copies of the tree with one new file, or several, in its registries."""
 
 import os
 import shutil
@@ -9,12 +9,15 @@ from pathlib import Path
 import pytest
 
 HERE = Path(__file__).parent
+# Where toys go that are no patches.
+PLACES = {"toy_method.py": "methods", "toy_loss.py": "methods"}
+PLACES |= {"toy_system.py": "systems"}
 ROOT = HERE.parents[1]
 
 
 @pytest.fixture(scope="module")
 def patched(tmp_path_factory):
-    """(name of a patch) -> (Python code) -> what it prints within such a copy."""
+    """(names of patches, or toys) -> (Python code) -> what it prints in such a copy."""
 
     def apply(*names):
         copy = tmp_path_factory.mktemp("patched")
@@ -23,6 +26,9 @@ def patched(tmp_path_factory):
             shutil.copytree(ROOT / part, copy / part, ignore=ignored)
         shutil.copy(ROOT / "Snakefile", copy)
         for name in names:
+            if name in PLACES:
+                shutil.copy(HERE / name, copy / "alignerf" / PLACES[name])
+                continue
             text = (HERE / name).read_text()
             assert text.count("\n--- ") == text.count("\n--- /dev/null") == 1
             subprocess.run(["git", "apply", HERE / name], cwd=copy, check=True)

@@ -1,4 +1,4 @@
-"""A patch of one new file adds what it registers, everywhere where others stand."""
+"""One new file adds what it registers, everywhere where others stand."""
 
 import json
 
@@ -103,52 +103,53 @@ def test_a_source_is_detected_checked_prepared_and_exported(patched):
     assert {"images", "sparse", "transforms.json", "README.txt"} <= {*told["files"]}
 
 
-ONE_LOOK = """
-import json, pathlib
-from alignerf import config, methods
-from alignerf.experiment import check, jobs, plan
-from tests import job_cases
+EVERY = """
+import yaml
+from alignerf import methods
+from tests.alignerf.methods import test_every_method as every
 
-def checked(**model):
-    models = {"base": {}, "looked": {"kind": "one_look", **model}}
-    config = {"scenes": {"a": {"source": "courtyard"}}, "models": models}
-    return check.checked(config | {"methods": {"look": {"model": "looked"}}})
-
-faults = []
-for change in {"degrees": 9}, {"steps": 1}, {"training": {"proposal_fraction": 1.0}}:
-    try:
-        checked(**change)
-    except ValueError as error:
-        faults.append(str(error))
-experiment = plan.Experiment(checked())
-model = {"kind": "one_look"}
-training = {k: v for k, v in job_cases.TRAINING.items() if k != "learning_rates"}
-job = job_cases.JOB | {"model": model, "training": training}
-scene, out = pathlib.Path("scene"), pathlib.Path("out")
-scene.mkdir()
-job_cases.run(job_cases.make_scene(scene), out, job)
-timing = json.loads((out / "timing.json").read_text())
-parsed = jobs.parse(job)
-print(json.dumps({
-    "faults": faults,
-    "schema": "OneLook" in config.schema_text(),
-    "label": methods.label(experiment, "look"),
-    "rates": parsed.learning_rates,
-    "points": parsed.model.points_a_ray,
-    "stage": [timing["stage"], timing["steps"]],
-}))
+(record,) = (one for one in methods.every() if one.key == "goes_on")
+demo = yaml.safe_load(open("tests/config.yaml"))
+experiment = every.experiment_with(demo, record)
+every.check_keys(record)
+for name in ("label", "moves", "test_set", "tables", "cost", "part"):
+    getattr(every, f"check_{name}")(experiment)
 """
 
 
-def test_a_system_is_checked_labelled_and_trained(patched):
-    told = json.loads(patched("system.patch")(ONE_LOOK))
-    assert told["faults"] == [
-        "config: models.looked.degrees: too many for so far a view",
-        "config: models.looked: 'steps' is no key of this section",
-        "config: models.looked.training.proposal_fraction: kind one_look has none",
-    ]
-    assert told["schema"]
-    assert told["label"].startswith("one_look")
-    assert told["rates"] == [0.004, 0.0004]
-    assert told["points"] == 16
-    assert told["stage"] == ["full", 14]
+LOSS = """
+import pathlib
+from alignerf import config
+from alignerf.methods import base, toy_loss
+
+pathlib.Path("mine.yaml").write_text(
+    "scenes: {a: {source: courtyard}}\\n"
+    "methods: {plain: {}, mine: {trimmed: {share: 0.9}}}\\n"
+)
+for loss in (
+    toy_loss.Part.data_loss,
+    lambda self, rendering, photo, weight: rendering.rgb,
+    lambda self, rendering, photo, weight: (rendering.values - photo) ** 2,
+):
+    toy_loss.Part.data_loss = loss
+    base.part_of.cache_clear()
+    try:
+        config.main(["--check", "mine.yaml"])
+        print("right")
+    except ValueError as error:
+        print(error)
+"""
+
+
+def test_what_holds_for_every_method_holds_for_one_more(patched):
+    patched("toy_method.py")(EVERY)
+
+
+def test_a_loss_is_traced_before_anything_runs(patched):
+    *_, right, unknown, unsummed = patched("toy_loss.py")(LOSS).splitlines()
+    assert right == "right"
+    where = "mine.yaml: methods.mine: its loss: "
+    assert (
+        unknown == f"{where}AttributeError: 'Rendering' object has no attribute 'rgb'"
+    )
+    assert unsummed.startswith(f"{where}TypeError: ")

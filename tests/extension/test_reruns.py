@@ -144,7 +144,7 @@ def test_what_a_package_imports_of_itself_reruns_as_the_package_does(
 def test_a_new_record_is_run_by_what_asks_each(patched, tree):
     """A cause by the verdict, a test set by the scores; the others by nothing yet."""
     *_, before = tree
-    run = patched(*(f"{name}.patch" for name in ("method", "capture", "system")))
+    run = patched("toy_method.py", "capture.patch", "toy_system.py")
     assert changed(before, json.loads(run(JOBS))[0]) == set()
     for name, again in (
         ("cause", {"verdict", "page"}),

@@ -2,8 +2,6 @@
 
 import csv
 import shutil
-import subprocess
-import sys
 from pathlib import Path
 
 import cv2
@@ -268,12 +266,6 @@ def test_without_a_folder_for_them_no_photos_are_warped(scene):
     np.testing.assert_array_equal(again_px, flow_px)
 
 
-def test_there_is_no_option_to_leave_renders_out(scene, capsys):
-    with pytest.raises(SystemExit):
-        align.run(arguments(scene, "--views-file", "train"))
-    assert "--views-file" in capsys.readouterr().err
-
-
 def test_both_splits_are_aligned_as_each_alone(scene):
     assert align.run(arguments(scene)) == 0
     (scene / "renders").rename(scene / "train")
@@ -309,17 +301,3 @@ def test_both_splits_are_aligned_as_each_alone(scene):
         alone = files.read_flow(both / "flow" / "test" / f"{view}.npz")
         np.testing.assert_array_equal(found[0], alone[0])
     assert (both / "stats" / "oracle.csv").is_file()
-
-
-def test_as_a_process_without_traceback(scene):
-    lose_photo(scene)
-    done = subprocess.run(
-        [sys.executable, "-m", "flow.align", *arguments(scene)],
-        cwd=ROOT,
-        capture_output=True,
-        text=True,
-        check=False,
-    )
-    assert done.returncode == 1
-    assert done.stderr.startswith("error: ")
-    assert len(done.stderr.splitlines()) == 1

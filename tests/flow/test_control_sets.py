@@ -1,8 +1,6 @@
 """flow.control_sets as a command: its images, its table, and bad input."""
 
 import csv
-import subprocess
-import sys
 
 import cv2
 import numpy as np
@@ -185,38 +183,6 @@ def test_bad_input_ends_in_one_line_and_nothing_written(scene, capsys, damage, r
     assert line.startswith("error: ")
     assert reason in line
     assert not list(scene.glob("out/**/*"))
-
-
-def test_as_a_process_without_traceback(scene, root):
-    lose_flow(scene)
-    done = subprocess.run(
-        [sys.executable, "-m", "flow.control_sets", *arguments(scene)],
-        cwd=root,
-        capture_output=True,
-        text=True,
-        check=False,
-    )
-    assert done.returncode == 1
-    assert len(done.stderr.splitlines()) == 1
-
-
-@pytest.fixture
-def folders(tmp_path):
-    """Renders, and photos that are shifted against them by SHIFT_PX, of 11 views."""
-    rng = np.random.default_rng(0)
-    for number in range(control_sets.MAX_VIEWS + 3):
-        noise = sum(
-            scale * cv2.GaussianBlur(rng.normal(size=(70, 90, 3)), (0, 0), scale)
-            for scale in (1, 3, 8)
-        )
-        large = np.clip(127 + 45 * noise / noise.std(), 0, 255).astype(np.uint8)
-        render, photo = large[5:65, 5:85], large[5:65, 5 + SHIFT_PX : 85 + SHIFT_PX]
-        name = f"v{number:02d}"
-        images.write(tmp_path / "renders" / f"{name}.png", render)
-        images.write(tmp_path / "photos" / f"{name}.png", photo)
-        flow_px, valid, _ = estimate.flow_and_validity(render, photo)
-        files.write_flow(tmp_path / "flow" / f"{name}.npz", flow_px, valid)
-    return [tmp_path / name for name in ("renders", "photos", "flow", "out.csv")]
 
 
 def test_it_is_small_where_photos_are_shifted_by_pixels(folders):

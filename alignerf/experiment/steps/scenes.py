@@ -33,7 +33,7 @@ def poses(experiment, w):
             inputs["places"] = [places.images, places.poses]
     else:
         names = experiment.methods
-        adjusted = (experiment.input_cameras(w.scene, n) for n in names)
+        adjusted = (methods.input_cameras(experiment, w.scene, n) for n in names)
         options["adjust"] = any(adjusted)
     command = words("alignerf.poses", **options, out=layout.Scene(w.scene))
     records = [experiment.source_of(w.scene)]

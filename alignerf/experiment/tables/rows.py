@@ -3,6 +3,7 @@
 import json
 from typing import NamedTuple
 
+from alignerf import methods
 from alignerf.experiment import layout, sources, trainings
 
 
@@ -109,7 +110,7 @@ def scored(experiment, scene, method, round, aligned_pose):
     if aligned_pose and experiment.config.aligned_pose and training.job.ours:
         files["aligned_pose"] = at.metrics_aligned_pose
     corrected = [one.folder for one in trainings.moved_for(training)]
-    if experiment.input_cameras(scene, method):
+    if methods.input_cameras(experiment, scene, method):
         corrected.append(training.folder)
         files["corrections"] = layout.Scene(scene).adjusted_report
     return Row(
@@ -120,7 +121,7 @@ def scored(experiment, scene, method, round, aligned_pose):
         files=files,
         method=method,
         round=round,
-        description=experiment.label(method),
+        description=methods.label(experiment, method),
         baseline=baseline,
         base=base,
         published=experiment.methods[method].published,

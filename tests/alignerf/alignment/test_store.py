@@ -37,7 +37,7 @@ def test_arrays_of_another_shape_are_refused(wrong):
     arrays = {name: np.zeros(shape, dtype) for name, (shape, dtype) in size.items()}
     store.check(arrays, size)
     with pytest.raises(ValueError, match="not this training's"):
-        store.check({**arrays, "valid": arrays["valid"][:2]}, size)
+        store.check({**arrays, "offsets_px": arrays["offsets_px"][:2]}, size)
     arrays["camtoworlds"][0, 0, 0] = np.nan
     with pytest.raises(ValueError, match="camtoworlds is not finite"):
         store.check(arrays, size)

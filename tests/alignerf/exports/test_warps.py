@@ -19,11 +19,9 @@ def test_offsets_on_disk_warp_a_photo_as_the_training_did(tmp_path, rng):
         camtoworlds=np.tile(np.eye(4, dtype=np.float32)[:3], (3, 1, 1)),
     )
     offsets_px = rng.normal(size=(3, H // K, W // K, 2)).astype(np.float32)
-    valid = np.ones(offsets_px.shape[:3], bool)
-    valid[0, :4] = False
-    # Nothing of the second holds; the third is not displaced.
-    valid[1], offsets_px[2] = False, 0
-    now = warped.warped(taken, offsets_px, valid, K)
+    # The second is displaced out of its frame, the third not at all.
+    offsets_px[1], offsets_px[2] = 1e4, 0
+    now = warped.warped(taken, offsets_px, K)
     store.write_photos(tmp_path, "abc", now, taken, offsets_px, K)
     assert warps.are_known("abc", tmp_path / "valid")
     for i, name in enumerate("abc"):

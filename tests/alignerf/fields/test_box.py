@@ -8,6 +8,7 @@ from scipy.special import sph_harm_y
 
 from alignerf.fields import box, encoding, space
 from alignerf.mipnerf360 import coord
+from alignerf.mipnerf360 import model as mipnerf360
 from alignerf.rays import rendering
 from tests import twins
 
@@ -117,7 +118,7 @@ def test_hubers_loss_is_its_formula(rng):
 
     def loss(error):
         values = jnp.full((1, 3), error, jnp.float32)
-        shown = rendering.Rendering(values, None, None)
+        shown = mipnerf360.Rendering(values, None, None)
         return rendering.huber(shown, photo, jnp.ones(1))
 
     of = jax.jit(jax.value_and_grad(loss))

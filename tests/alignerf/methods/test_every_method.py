@@ -40,13 +40,13 @@ def last(experiment):
 
 
 def check_label(experiment):
-    label, moves = experiment.label("its"), experiment.moves("its")
+    label, moves = methods.label(experiment, "its"), experiment.moves("its")
     assert label.strip() == label != ""
     assert "\n" not in label
     # Who reads a table has to know whose cameras a score is by.
     if "cameras" in moves:
         assert "cameras" in label or "poses" in label
-    assert label != experiment.label("plain") or not experiment.moves("its", 0)
+    assert label != methods.label(experiment, "plain") or not experiment.moves("its", 0)
 
 
 def check_moves(experiment):
@@ -60,7 +60,7 @@ def check_moves(experiment):
     assert (wanted[0] in exports) == bool(moves)
     assert (wanted[1] in exports) == ("photos" in moves)
     if "cameras" in experiment.moves("its", 0):
-        cameras = f"{training.learnt}/cameras.npz"
+        cameras = f"{training.path.learnt}/cameras.npz"
         assert scenes.moved_cameras(experiment, "courtyard") == ("its", cameras)
 
 

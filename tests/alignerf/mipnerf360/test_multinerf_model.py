@@ -1,7 +1,10 @@
 """The released model beside ours, with its parameters in ours.
 
-See test_multinerf.py. The same directions come in another order and with other signs:
-parameters and gradients are taken from one order to the other.
+ALIGNERF_MULTINERF names a checkout of google-research/multinerf, which needs
+gin-config beside our environment; without it all of this is skipped. Of its functions
+one by one, the float64 twins of the other tests say as much. The same directions come
+in another order and with other signs: parameters and gradients are taken from one order
+to the other.
 """
 
 import jax

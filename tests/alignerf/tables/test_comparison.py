@@ -178,15 +178,6 @@ def test_a_set_that_some_method_lacks_ranks_the_others(scenes):
     assert set(of_all(table).loc["given", "test_set"]) == {"standard", "warped"}
 
 
-def test_a_view_without_a_score_leaves_the_mean_empty(scenes):
-    lost = {"method": "mipnerf360", "test_set": "standard", "view": "v0"}
-    scenes[0] = table_cases.emptied(scenes[0], **lost)
-    table = made(comparison.make_table, scenes)
-    keys = {"scene": comparison.ALL, "group": "1x", "method": "mipnerf360"}
-    assert np.isnan(one(table, test_set="standard", **keys)["psnr_db"])
-    assert np.isfinite(one(table, test_set="warped", **keys)["psnr_db"])
-
-
 def test_as_a_command(tmp_path):
     folder = tmp_path / "a"
     db = {"standard": [20.0, 22.0], "warped": [21.0, 25.0]}

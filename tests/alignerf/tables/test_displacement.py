@@ -1,7 +1,6 @@
 """Displacements: means that are empty."""
 
 import numpy as np
-import pytest
 
 from alignerf.tables import columns, displacement
 from tests import table_cases
@@ -26,20 +25,6 @@ def test_means_are_over_views():
     assert second[:3] == ["", "1", "0.50"]
     # Shares are in per cent.
     assert first[-1] == "50"
-
-
-@pytest.mark.parametrize(
-    "name", ["flow_median_px", "camera_fraction", "remainder_p95_px"]
-)
-def test_one_view_without_a_number_leaves_the_mean_empty(name):
-    table = made(
-        displacement.make_table, [row(), row(**{name: [0.25, np.nan]}).assign(round=1)]
-    )
-    assert table[name].isna().tolist() == [False, True]
-    assert table.drop(columns=name).notna().all(axis=None)
-    tex = displacement.to_latex(table)
-    assert tex.count("--") == 1
-    assert "nan" not in tex
 
 
 def test_a_part_that_no_row_has_is_left_out():

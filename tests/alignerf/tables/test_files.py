@@ -102,9 +102,3 @@ def test_what_lies_beside_fails_with_the_table(scene, monkeypatch):
     with pytest.raises(ValueError, match="no LaTeX"):
         make(scene, "controls")
     assert not [path for path in scene.glob("out/*") if path.is_file()]
-
-
-def test_a_table_that_is_not_known_is_named(scene, capsys):
-    with pytest.raises(SystemExit):
-        make(scene, "scores")
-    assert "invalid choice: 'scores'" in capsys.readouterr().err

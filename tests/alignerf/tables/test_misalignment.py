@@ -1,14 +1,13 @@
 """The misalignment table: means, costs, colours, from hand-made scores."""
 
 import json
-import re
 
 import numpy as np
 import pandas as pd
 import pytest
 
 from alignerf import show
-from alignerf.tables import columns, intervals, latex, misalignment, scores
+from alignerf.tables import columns, intervals, misalignment, scores
 from tests import table_cases
 from tests.table_cases import cells, made
 
@@ -104,18 +103,6 @@ def test_warpings_have_the_names_of_the_paper(row):
     assert names.tolist() == ["none", "once", "twice", "5 times"]
 
 
-def test_a_view_without_a_metric_leaves_the_mean_empty(row):
-    row = table_cases.emptied(row, view="v1", test_set="warped")
-    table = made(misalignment.make_table, [row]).set_index("test_set")
-    assert table.loc["warped", ["psnr_db", *DIFFERENCE]].isna().all()
-    assert np.isfinite(table.loc["warped", "ssim"])
-    assert np.isfinite(table.loc["standard", "psnr_db"])
-    costs = {"data_time_s": np.nan, "total_time_s": np.nan}
-    table = made(misalignment.make_table, [row.assign(**costs)])
-    shown = [cell.split()[-1] for cell in cells(misalignment.to_latex(table))[0][-4:]]
-    assert shown == ["0.5", "--", "--", "0.00"]
-
-
 def make_table(psnr, lpips=np.nan):
     """A table of len(psnr) methods on the standard test set."""
     table = pd.DataFrame(columns=columns.names("misalignment"), index=range(len(psnr)))
@@ -140,21 +127,6 @@ def make_table(psnr, lpips=np.nan):
         rays_seen=1,
     )
     return made.astype({"lpips_vgg": float})
-
-
-def places(tex, column):
-    """1, 2 or 3 for the coloured cells of a column, 0 for the others."""
-    marks = [re.search(r"HTML\]\{(\w+)\}", row[column]) for row in cells(tex)]
-    return [latex.COLOURS.index(mark[1]) + 1 if mark else 0 for mark in marks]
-
-
-def test_the_best_three_are_coloured_each_in_its_sense():
-    psnr, lpips = [20.0, 23.0, 21.0, 22.0], [0.4, 0.1, 0.3, 0.2]
-    tex = misalignment.to_latex(make_table(psnr, lpips))
-    assert places(tex, 2) == [0, 1, 3, 2]
-    assert places(tex, 4) == [0, 1, 3, 2]
-    # Neither differences nor costs are ranked.
-    assert places(tex, 5) == places(tex, 6) == [0, 0, 0, 0]
 
 
 def test_the_table_of_latex_is_whole():
@@ -184,16 +156,6 @@ def test_names_of_test_sets_are_escaped_and_methods_stand_once(row):
     assert [line[:2] for line in cells(tex)] == [
         [r"my\_method", "none"],
         ["", "once"],
-    ]
-
-
-def test_what_is_beyond_chance_is_bold_and_the_base_has_no_difference():
-    tex = misalignment.to_latex(make_table([20, 20.3, 21, 19]))
-    assert [row[4] for row in cells(tex)] == [
-        "",
-        r"+0.30 {\tiny [-0.20, +0.80]}",
-        r"\textbf{+1.00} {\tiny [+0.50, +1.50]}",
-        r"\textbf{-1.00} {\tiny [-1.50, -0.50]}",
     ]
 
 

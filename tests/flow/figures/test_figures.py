@@ -168,10 +168,9 @@ def test_no_figure_without_its_input(scene, rng, capsys, damage, reason):
 
 
 def test_figures_of_the_parts(scene, rng):
-    # At the width of a page, whatever the number of columns.
+    # At the width of a page, where there is a model's part and where there is none.
     for model in (True, False):
         assert draw(scene, write_parts(scene, rng, model=model)) == 0
-        assert size(scene / "figures" / "views.png")[0] == 1080
     assert size(scene / "figures" / "lengths.png") == (750, 450)
     assert size(scene / "figures" / "curves.png") == (1080, 420)
 
@@ -257,15 +256,6 @@ def test_no_figure_of_broken_parts(scene, rng, capsys, damage, reason):
     error = capsys.readouterr().err.strip().splitlines()[-1]
     assert error.startswith("error: ")
     assert reason in error
-
-
-@pytest.mark.parametrize("option", ["--parts", "--curves", "--out"])
-def test_every_figure_is_drawn(scene, rng, capsys, option):
-    options = arguments(scene, write_parts(scene, rng))
-    del options[option]
-    with pytest.raises(SystemExit):
-        scene_figures.run([part for given in options.items() for part in given])
-    assert f"required: {option}" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize(

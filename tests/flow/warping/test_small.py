@@ -66,9 +66,3 @@ def test_rows_that_fill_no_block_go_on_like_their_neighbours():
     flow_px = np.full((10, 13, 2), 0.5, np.float32)
     found = small.enlarge(flow_px, 3, (32, 41))
     np.testing.assert_allclose(found, 1.5, rtol=1e-6)
-    assert small.enlarge_mask(np.ones((10, 13), bool), 3, (32, 41)).all()
-    holed = np.ones((10, 13), bool)
-    holed[4, 5] = False
-    found = small.enlarge_mask(holed, 3, (32, 41))
-    assert not found[12:15, 15:18].any()
-    assert found[:9].all()
