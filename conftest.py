@@ -32,8 +32,9 @@ os.environ.setdefault("JAX_PERSISTENT_CACHE_MIN_COMPILE_TIME_SECS", "0")
 # has this:
 #   ALIGNERF_OPTIMISED=1 make test
 QUICKLY = "--xla_backend_optimization_level=0 --xla_cpu_use_fusion_emitters=false"
-if not os.environ.get("ALIGNERF_OPTIMISED"):
-    given = os.environ.get("XLA_FLAGS", "")
+given = os.environ.get("XLA_FLAGS", "")
+# Workers inherit them. What is kept is of these flags to the letter.
+if QUICKLY not in given and not os.environ.get("ALIGNERF_OPTIMISED"):
     os.environ["XLA_FLAGS"] = f"{given} {QUICKLY}".strip()
 
 import jaxtyping

@@ -1,10 +1,7 @@
 """What a training refuses, in one line, and what it leaves behind."""
 
-import json
 import re
 import shutil
-import subprocess
-import sys
 
 import filelock
 import jax.numpy as jnp
@@ -135,22 +132,13 @@ def test_a_second_trainer_is_refused_at_once(folder, tmp_path, capsys, monkeypat
     assert "checkpoints: another process is training here" in line
 
 
-def test_bad_input_as_a_process_is_one_line(folder, tmp_path):
+def test_bad_input_is_one_line(folder, tmp_path, capsys):
     shutil.copytree(folder, tmp_path / "scene")
     path = tmp_path / "scene" / "images" / "v2.png"
     path.write_bytes(path.read_bytes()[:-40])
-    options = ["--config", json.dumps(cases.JOB), "--scene", tmp_path / "scene"]
-    for name in ("checkpoints", "learnt", "timing"):
-        options += [f"--{name}", tmp_path / "out" / name]
-    done = subprocess.run(
-        [sys.executable, "-m", "alignerf.train", *options],
-        capture_output=True,
-        text=True,
-    )
-    assert done.returncode == 1
-    assert len(done.stderr.splitlines()) == 1
-    assert done.stderr.startswith("error: ")
-    assert "v2.png" in done.stderr
+    out = tmp_path / "out"
+    line = cases.stops(capsys, lambda: cases.run(tmp_path / "scene", out))
+    assert "v2.png" in line
     left = {path.name for path in (tmp_path / "out").rglob("*")}
     assert left <= {"checkpoints", "lock"}
 

@@ -38,8 +38,8 @@ def pretrained(folder, tmp_path_factory):
     [
         ("grid", {}),
         ("grid", {"convolution": False}),
-        ("grid", {"features": 9}),
-        ("mlp", {}),
+        pytest.param("grid", {"features": 9}, marks=pytest.mark.whole),
+        pytest.param("mlp", {}, marks=pytest.mark.whole),
     ],
     ids=["grid", "no convolution", "more features", "mlp"],
 )

@@ -1,6 +1,7 @@
 """flow.control_sets as a command: its images, its table, and bad input."""
 
 import csv
+import shutil
 
 import cv2
 import numpy as np
@@ -18,9 +19,10 @@ IMAGES = [one.name for one in testsets.drawn()]
 SETS = {*IMAGES, "overfit_flow", "overfit.csv"}
 
 
-@pytest.fixture
-def scene(tmp_path):
+@pytest.fixture(scope="module")
+def drawn(tmp_path_factory):
     """Photos, and renders of them that are blurred, in error and displaced."""
+    folder = tmp_path_factory.mktemp("drawn")
     rng = np.random.default_rng(0)
     for view in VIEWS:
         large = sum(
@@ -32,12 +34,18 @@ def scene(tmp_path):
         errors = cv2.GaussianBlur(rng.normal(size=oracle.shape), (0, 0), 1.5)
         render = cv2.GaussianBlur(oracle, (0, 0), 1.0) + 8 * errors / errors.std()
         render = np.clip(np.rint(render), 0, 255).astype(np.uint8)
-        images.write(tmp_path / "photos" / f"{view}.png", photo)
-        images.write(tmp_path / "renders" / f"{view}.png", render)
-        images.write(tmp_path / "truth" / "oracle" / f"{view}.png", oracle)
+        images.write(folder / "photos" / f"{view}.png", photo)
+        images.write(folder / "renders" / f"{view}.png", render)
+        images.write(folder / "truth" / "oracle" / f"{view}.png", oracle)
         flow_px, valid, _ = estimate.flow_and_validity(render, photo)
-        files.write_flow(tmp_path / "flow" / f"{view}.npz", flow_px, valid)
-    return tmp_path
+        files.write_flow(folder / "flow" / f"{view}.npz", flow_px, valid)
+    return folder
+
+
+@pytest.fixture
+def scene(drawn, tmp_path):
+    """A copy of them."""
+    return shutil.copytree(drawn, tmp_path, dirs_exist_ok=True)
 
 
 def arguments(scene, *more):

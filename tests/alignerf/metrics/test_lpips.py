@@ -10,6 +10,8 @@ from scipy import ndimage
 from alignerf.metrics import lpips
 from alignerf.networks import backbones
 
+DISTANCE = jax.jit(lpips.distance, static_argnums=0)
+
 
 def of_alex(shared_data):
     return lpips.read("alex", shared_data / "weights" / "lpips_alex_v0.1.npz")
@@ -17,7 +19,7 @@ def of_alex(shared_data):
 
 def distance(net, weights, *images):
     pair = [jnp.asarray(image[None], jnp.float32) for image in images]
-    return float(lpips.distance(net, weights, *pair)[0])
+    return float(DISTANCE(net, weights, *pair)[0])
 
 
 @pytest.mark.parametrize(("image", "published"), [("ex_p0", 0.7219), ("ex_p1", 0.1376)])
@@ -88,7 +90,9 @@ def random_weights(net, rng):
     return {name: jnp.asarray(a, jnp.float32) for name, a in weights.items()}
 
 
-@pytest.mark.parametrize("size", [(53, 66), (31, 31)])
+@pytest.mark.parametrize(
+    "size", [pytest.param((53, 66), marks=pytest.mark.whole), (31, 31)]
+)
 @pytest.mark.parametrize("net", backbones.NETS)
 def test_a_network_equals_its_twin(net, size, rng, shared_data):
     weights = of_alex(shared_data) if net == "alex" else random_weights(net, rng)

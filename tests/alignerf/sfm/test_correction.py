@@ -83,12 +83,11 @@ def planted(case, true, rng):
     }[case]
 
 
-CASES = ["right", "poses", "focal length", "focal length and poses", "zoom"]
-CASES += ["zoom and poses", "all turned", "two exchanged", "one turned"]
-CASES += ["one far off", "one lost"]
+# One of each kind that is named; `make tools` has the others, too.
+CASES = ["right", "focal length", "zoom and poses", "two exchanged", "one lost"]
 CASES += ["at one place"]
-# These take longest.
-WHOLE = ("centre", "none of these", "nearly at one place")
+WHOLE = ["poses", "focal length and poses", "zoom", "all turned", "one turned"]
+WHOLE += ["one far off", "centre", "none of these", "nearly at one place"]
 
 
 @pytest.mark.parametrize(

@@ -7,6 +7,7 @@ from scipy.spatial.transform import Rotation
 from alignerf.experiment.keys import scene as scene_keys
 from alignerf.scenes import cameras as posed
 from alignerf.sfm import mistakes
+from tests import job_cases
 from tests.alignerf.sfm import made
 
 # A third of what a scene of twelve photos has: enough, in a third of the time.
@@ -50,7 +51,9 @@ def test_the_config_knows_all_of_them():
     assert mistakes.EVERY == scene_keys.CONVENTIONS
 
 
-@pytest.mark.parametrize("mistake", SOME)
+@pytest.mark.parametrize(
+    "mistake", job_cases.one_of(SOME, *mistakes.MEANINGS, "reversed_order", *SOME[::5])
+)
 def test_each_mistake_is_named_and_undone(rng, mistake):
     true = made.cameras(arc=2.5)
     found = made.matched(true, rng, points=POINTS)

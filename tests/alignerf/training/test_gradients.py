@@ -18,7 +18,7 @@ from tests import training_cases as cases
 
 
 @pytest.mark.parametrize(
-    "kind", job_cases.one_of(["mipnerf360", "alignerf", "aligned_loss"], "alignerf")
+    "kind", job_cases.one_of(["mipnerf360", "alignerf", "aligned_loss"], "mipnerf360")
 )
 def test_micro_batches_give_the_gradient_of_the_batch(kind):
     """With masks that differ from part to part, and one part that is all masked."""

@@ -18,6 +18,11 @@ FAST = ("dis_medium", "dis_fine")
 SMALLEST = {name: estimator.min_side_px for name, estimator in estimate.METHODS.items()}
 
 
+def slow(name):
+    """What `make tools` has alone."""
+    return pytest.param(name, marks=pytest.mark.whole)
+
+
 def texture(height, width, seed=0, grain_px=1.5):
     """Random RGB image [height, width, 3] uint8 with structure at several scales."""
     rng = np.random.default_rng(seed)
@@ -188,7 +193,7 @@ def test_a_shift_of_one_pixel_at_the_border(method):
         assert np.abs(np.median(edge.reshape(-1, 2), axis=0) - (1, 0)).max() < 0.25
 
 
-@pytest.mark.parametrize("method", ["dis_fast", "deepflow"])
+@pytest.mark.parametrize("method", ["dis_fast", slow("deepflow")])
 def test_very_wide_images(method):
     photo = texture(SMALLEST[method], 16384)
     flow_px = estimate.estimate(np.roll(photo, -2, axis=1), photo, method=method)
@@ -250,7 +255,9 @@ def test_views_of_larger_arrays_are_read_rightly():
     )
 
 
-@pytest.mark.parametrize("name", SEQUENCES)
+@pytest.mark.parametrize(
+    "name", ["RubberWhale", *map(slow, ("Dimetrodon", "Grove2", "Urban2"))]
+)
 def test_middlebury(shared_data, name):
     folder = shared_data / "flow" / name
     frames = [images.read(folder / f"frame1{i}.png") for i in (0, 1)]
