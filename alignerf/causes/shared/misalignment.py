@@ -32,7 +32,7 @@ LEFT, WORTH = 0.4, 0.85
 # What the best cameras leave of it at the most, in px of a photo that is so wide: up to
 # 0.5 whatever else is wrong, 0.35 to 1.6 where patches of photos move by 5 px. An
 # adjustment that fails leaves more: so much of the photos has to move by itself.
-SCATTER_PX, SCATTER_WIDTH_PX, SCATTER_MOVED = 0.5, 1000, 0.035
+SCATTER_PX, SCATTER_WIDTH_PX, SCATTER_MOVED = 0.52, 1000, 0.035
 # Detail of another program's renders over their photos', in the second finest octave:
 # of too short a training; and what leaves that open.
 MIN_DETAIL, SOFT_DETAIL = 0.32, 0.5
