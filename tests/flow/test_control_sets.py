@@ -193,6 +193,25 @@ def test_bad_input_ends_in_one_line_and_nothing_written(scene, capsys, damage, r
     assert not list(scene.glob("out/**/*"))
 
 
+@pytest.fixture
+def folders(tmp_path):
+    """Renders, and photos that are shifted against them by SHIFT_PX, of 11 views."""
+    rng = np.random.default_rng(0)
+    for number in range(control_sets.MAX_VIEWS + 3):
+        noise = sum(
+            scale * cv2.GaussianBlur(rng.normal(size=(70, 90, 3)), (0, 0), scale)
+            for scale in (1, 3, 8)
+        )
+        large = np.clip(127 + 45 * noise / noise.std(), 0, 255).astype(np.uint8)
+        render, photo = large[5:65, 5:85], large[5:65, 5 + SHIFT_PX : 85 + SHIFT_PX]
+        name = f"v{number:02d}"
+        images.write(tmp_path / "renders" / f"{name}.png", render)
+        images.write(tmp_path / "photos" / f"{name}.png", photo)
+        flow_px, valid, _ = estimate.flow_and_validity(render, photo)
+        files.write_flow(tmp_path / "flow" / f"{name}.npz", flow_px, valid)
+    return [tmp_path / name for name in ("renders", "photos", "flow", "out.csv")]
+
+
 def test_it_is_small_where_photos_are_shifted_by_pixels(folders):
     rows = control_sets.main(*folders[:3], lengths=folders[3], threads=2)
     with open(folders[-1], newline="") as file:

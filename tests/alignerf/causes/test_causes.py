@@ -297,7 +297,7 @@ def test_a_shift_that_all_share_is_no_error_of_each_camera(camera_px, is_named):
     e = THEIRS._replace(flow_train_px=camera_px, camera_px=camera_px, **ORIGIN)
     assert cases.named(e) == [*["camera"] * is_named, "lens_shift"]
     # Our own trainings absorb nearly all of such a shift.
-    assert cases.named(e._replace(judged=None)) == ["camera", "lens_shift"]
+    assert {*cases.named(e._replace(judged=None))} == {"camera", "lens_shift"}
 
 
 @pytest.mark.parametrize(
