@@ -78,7 +78,7 @@ class Found(NamedTuple):
     @property
     def share(self):
         """Of what is known, what is shown; NaN of nothing."""
-        return share_of(self.shown, self.known)
+        return share_of(self.shown & self.known, self.known)
 
 
 def share_of(mask, known):

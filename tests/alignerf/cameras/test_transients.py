@@ -180,6 +180,14 @@ def test_where_neighbours_disagree_its_own_render_tells():
     assert transients.fraction(transients.found(dark)) == 0
 
 
+def test_a_share_is_of_what_others_tell():
+    """A render lacks more than that: of what neighbours do not see, too."""
+    for seed in range(20):
+        masks = np.random.default_rng(seed).random((4, 6, 8)) < seed / 20
+        one = transients.Found(*masks[:2], masks[2] & masks[3], masks[2])
+        assert math.isnan(one.share) if not one.known.any() else 0 <= one.share <= 1
+
+
 @pytest.mark.parametrize("count", range(4))
 def test_few_views_agree_on_nothing(count):
     own = found([view(0.1 * i) for i in range(count)])
