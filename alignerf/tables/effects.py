@@ -135,7 +135,7 @@ def ours_of(views, ours, theirs):
     paired = frame.beside(own, base, "theirs_db")
     for test_set in (*PRINTED, *TRUTHS):
         if test_set in known:
-            lines = paired[paired["test_set"] == test_set]
+            lines = frame.scored(paired, test_set)
             row |= frame.gains(lines, "theirs_db", f"{test_set}_")
     row["truth"] = next((name for name in TRUTHS if name in known), None)
     if row["truth"]:

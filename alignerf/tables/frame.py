@@ -99,12 +99,19 @@ def summary(views, by, at, *, against="base_db", metrics=columns.METRICS):
     for _, own in views.groupby(by, sort=False):
         line = labels_of(own) | mean_costs(own) | {"scenes": own["scene"].nunique()}
         for test_set, lines in sets_of_all(own, at):
-            if testsets.named(test_set).partial:
-                lines = lines.dropna(subset=[*columns.METRICS], how="all")
+            lines = scored(lines, test_set)
             line |= {"test_set": test_set, "views": len(lines)} | means(lines, metrics)
             for prefix, column in against.items():
                 line |= gains(lines, column, prefix)
             yield dict(line)
+
+
+def scored(own, test_set):
+    """Lines of a test set; of a partial one without views that it has no pixel of."""
+    lines = own[own["test_set"] == test_set]
+    if testsets.named(test_set).partial:
+        lines = lines.dropna(subset=[*columns.METRICS], how="all")
+    return lines
 
 
 def labels_of(own):

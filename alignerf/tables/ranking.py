@@ -28,16 +28,21 @@ def make_table(views):
     if all(OPTIONAL in table and table[OPTIONAL].notna().all() for table in psnr_db):
         needed.append(OPTIONAL)
     oracle, *others = (np.stack([table[name] for table in psnr_db]) for name in needed)
-    lines = [
-        (name, *tau_of(oracle, other), *oracle.shape)
-        for name, other in zip(needed[1:], others, strict=True)
-    ]
+    pairs = zip(needed[1:], (paired(oracle, other) for other in others), strict=True)
+    lines = [(name, *tau_of(*pair), *pair[0].shape) for name, pair in pairs]
     return pd.DataFrame(lines, columns=columns.names("ranking"))
+
+
+def paired(first, second):
+    """Two scores [methods, views] of those views that all methods have in both."""
+    known = np.isfinite(first + second).all(axis=0)
+    return first[:, known], second[:, known]
 
 
 def tau_of(first, second):
     """(tau-b, low, high) of two scores [methods, views]; the interval is over views."""
-    count = first.shape[1]
+    if not (count := first.shape[1]):
+        return np.nan, np.nan, np.nan
     tau = float(tau_b(first.mean(axis=1), second.mean(axis=1)))
     if count < 2 or not np.isfinite(tau):
         return tau, np.nan, np.nan

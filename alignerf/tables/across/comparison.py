@@ -112,7 +112,7 @@ def make_ranking(views):
             both = [sets for sets in methods if first in sets and second in sets]
             if len(both) > 1:
                 pair = [[sets[key] for sets in both] for key in (first, second)]
-                tau = ranking.tau_of(*map(np.stack, pair))
+                tau = ranking.tau_of(*ranking.paired(*map(np.stack, pair)))
                 lines.append((scores.length(share), first, second, *tau, len(both)))
     return pd.DataFrame(lines, columns=columns.names("comparison_ranking"))
 

@@ -68,6 +68,15 @@ def test_effects_are_found_by_what_the_paper_calls_methods():
     assert set(others["reproduced"]) == {"not tested"}
 
 
+def test_a_view_without_a_valid_flow_is_left_out():
+    scenes = [scene_of({PLAIN: 0.0, CONVOLUTION: 1.0}, seed=k) for k in range(3)]
+    for scene in scenes:
+        lost = (scene["test_set"] == "warped") & (scene["view"] == "v1")
+        scene.loc[lost, [*columns.METRICS]] = np.nan
+    row = one(of_table(scenes), effect="+ convolution")
+    assert row["warped_db"] == row["standard_db"] == 1.0
+
+
 @pytest.mark.parametrize(
     ("gains", "seeds", "word"),
     [

@@ -104,6 +104,21 @@ def test_tau_is_that_of_scipy(rng, rows):
     np.testing.assert_allclose(ranking.tau_b(first, second), expected)
 
 
+@pytest.mark.parametrize("lost", [[0], [1, 4], range(VIEWS)])
+def test_views_that_a_set_has_no_pixel_of_are_left_out(rng, lost):
+    noise = rng.normal(size=VIEWS)
+    own = np.where(np.isin(np.arange(VIEWS), lost), np.nan, noise)
+    rows = [
+        table_cases.row(dict.fromkeys(SETS, noise + k) | {"warped": own + k}, round=k)
+        for k in range(3)
+    ]
+    table = made(ranking.make_table, rows).set_index("test_set")
+    assert table["views"].pop("warped") == VIEWS - len(lost)
+    assert np.isnan(table["tau"].pop("warped")) == (len(lost) == VIEWS)
+    assert (table["views"] == VIEWS).sum() == len(table) - 1
+    assert (table["tau"].dropna() == 1).all()
+
+
 def test_what_some_row_lacks_is_not_ranked_or_named():
     whole = table_cases.row({key: [20.0, 21.0] for key in SETS})
     without = table_cases.row({key: [20.0, 21.0] for key in SETS[:-1]}, round=1)
