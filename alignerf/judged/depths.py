@@ -118,7 +118,8 @@ def unit_of(where, points, views):
             log.warning("%s: it is divided by %g", told, unit)
             return unit
     raise ValueError(
-        f"{told}: divide it by {ratio:.4g}, so that it has the unit of the cameras"
+        f"{told}: it is wanted along the optical axis, not along rays, and in the "
+        f"unit of the cameras: divide it by {ratio:.4g}"
     )
 
 

@@ -86,6 +86,9 @@ def poses(e):
     # Fixes say how near matches are by them.
     told = not e.pairs.stops and any(gain.matches for gain in e.tried)
     found = "" if told else f" Held-out matches: {change}."
+    is_told = m.applied or m.named or misalignment.poses_off(e)
+    if misalignment.is_scattered(e) and not is_told:
+        return [f"By matches, no cameras fit: the nearest are {off} away.{found}"]
     if not m.applied and camera.find(e).sure is not None:
         off += f", by flow {length(camera.find(e).value)}"
     named = "; ".join(m.named) or f"poses {verb} off by {off}"

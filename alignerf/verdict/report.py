@@ -293,6 +293,7 @@ def why_unknown(one, e, measured):
         bound = length(lens.LENS_ERRORS * one.value / errors)
         return f"{measured.removesuffix(' px')} \u00b1 {bound}: not different from 0"
     denied = one.cause in ERRORS and lens.is_asked(e)
+    denied |= one.cause is camera.CAUSE and camera.denied(e) is True
     return f"{measured}, {'denied by matches' if denied else 'not significant'}"
 
 

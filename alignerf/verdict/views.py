@@ -41,7 +41,7 @@ class View(NamedTuple):
     exposure_ev: float
     # Blur that makes the photo like the render.
     blur_sigma_px: float
-    # Share of what it shows that other photos of the same place do not.
+    # Share of what it shows that other photos of the same place, or its render, lack.
     transient_fraction: float = np.nan
     # Why it stands out among the views; empty where it does not.
     stands_out: str = ""

@@ -141,6 +141,11 @@ def test_points_that_no_cameras_fit_have_moved(
     flows = FAULTS["camera"] | {"moved_fraction": moved, "photo_width_px": width_px}
     e = WELL._replace(**flows, matches=m)
     assert cases.named(e) == named
+    # No word of other cameras where these are no cause.
+    text = " ".join(report.terminal(report.of(e, [])))
+    assert ("no cameras fit:" in text) == (accepted and named == ["motion"])
+    assert "camera" in named or "denied by matches" in text
+    assert "camera" in named or "poses are off" not in text
     if "motion" in named:
         (told,) = [one for one in causes.find(e) if one.cause.name == "motion"]
         gauge = report.gauge(told, e)
