@@ -98,15 +98,20 @@ def unit_of(where, points, views):
     """What depth is to be divided by to have the unit of the cameras; 1 where unknown.
 
     points [m, 3]: that photos share. views: (depth [h, w], pixtocam, camtoworld) of
-    some. Raises ValueError naming `where` for a factor that is not of two units.
+    some. Raises ValueError naming `where` for a factor that is not of two units, and
+    the same all over each view.
     """
-    ratios = []
+    ratios, spreads = [], []
     for values, *camera in views:
         column, row, depth = visible(points, *camera, values.shape[::-1])
         own = values[row, column]
         known = np.isfinite(own) & (own > 0)
         if known.sum() >= MIN_SEEN:
-            ratios.append(np.median(own[known] / depth[known]))
+            near, middle, far = np.quantile(
+                own[known] / depth[known], (0.25, 0.5, 0.75)
+            )
+            ratios.append(middle)
+            spreads.append(far / near)
     if len(ratios) < MIN_VIEWS:
         return 1.0
     low, ratio, high = np.quantile(ratios, (0.1, 0.5, 0.9))
@@ -117,9 +122,12 @@ def unit_of(where, points, views):
         if 1 / ALIKE < ratio / unit < ALIKE:
             log.warning("%s: it is divided by %g", told, unit)
             return unit
+    if np.median(spreads) > ALIKE:
+        # That of a model that has learnt no shape, or along rays, is another matter.
+        log.warning("%s, not all over alike: is it along the optical axis?", told)
+        return 1.0
     raise ValueError(
-        f"{told}: it is wanted along the optical axis, not along rays, and in the "
-        f"unit of the cameras: divide it by {ratio:.4g}"
+        f"{told}: divide it by {ratio:.4g}, so that it has the unit of the cameras"
     )
 
 

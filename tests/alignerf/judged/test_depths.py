@@ -213,3 +213,12 @@ def test_depth_of_another_scale_than_the_cameras_is_refused(times):
         for values, *camera in seen_by([times] * 4)[1]
     ]
     assert depths.unit_of("depths", points_of(surface()), unknown) == 1
+
+
+@pytest.mark.parametrize("flat", [1.5, 6.0, 9.0])
+def test_a_model_without_a_shape_is_judged_all_the_same(flat, caplog):
+    """Its depth is that of the cameras times something, and of another in each part."""
+    points, views = seen_by([1.0] * 4)
+    views = [(np.full_like(values, flat), *camera) for values, *camera in views]
+    assert depths.unit_of("depths", points, views) == 1
+    assert "is it along the optical axis?" in caplog.text
