@@ -332,6 +332,8 @@ def trained_px(path, cameras=None):
 def similarity(own, theirs):
     """The world [4, 4] in which cameras of the same photos are theirs; None of few.
 
+    And of cameras that lie the other way around: no world makes them so.
+
     own: with photos; theirs: as their file calls them.
     """
     paths = {str(shot.photo.relative_to(own.root)): shot.pose for shot in own.shots}
@@ -342,6 +344,8 @@ def similarity(own, theirs):
     poses = np.stack([paths[path] for path in pairs.values()])
     to = np.stack([their[name] for name in pairs])
     scale, turn, shift = scene_cameras.align_similarity(poses, to)
+    if not scale > 0:
+        return None
     world = np.eye(4)
     world[:3] = np.column_stack([scale * turn, shift])
     return world

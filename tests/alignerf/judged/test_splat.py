@@ -71,6 +71,19 @@ def applied():
     return [[1, 0, 0, 0], [0, 0, 1, 0], [0, -1, 0, 0]]
 
 
+@pytest.mark.parametrize("scale", [2.0, 0.3, 0.0, -1.0])
+def test_cameras_of_a_training_that_lie_mirrored_tell_no_world(project, scale):
+    _, own = project[0](np.eye(4))
+    poses = [shot.pose * [1, 1, 1, scale] for shot in own.shots]
+    pairs = zip(own.shots, poses, strict=True)
+    theirs = own._replace(shots=[shot._replace(pose=pose) for shot, pose in pairs])
+    world = splat.similarity(own, theirs)
+    if scale < 0:
+        assert world is None
+    else:
+        np.testing.assert_allclose(splat.scale_of(world), scale or 1.0)
+
+
 @pytest.mark.parametrize(
     ("world", "more", "beside", "says"),
     [
