@@ -100,15 +100,18 @@ def shown(folder, rounds, others, base, limit_px, verdict, crops, moved):
     tried = verdict["tried"]
     names, reference = told.names(tried), base.parent.name
     own = names.get(reference, reference).partition(", ")[0]
+    # Of two baselines the names say which.
+    of_one = not own.endswith(" model")
     others = {names.get(method, method): one for method, one in others.items()}
     crops = (*crops[:2], names.get(crops[2], crops[2]))
     tried = [one | {"method": names.get(one["method"], one["method"])} for one in tried]
     judged = verdict["evidence"].get("judged")
-    whose = f"the {own}" if own.endswith(" model") else reference
+    whose = reference if of_one else f"the {own}"
     whose = "your model" if judged else whose
     every = gallery.shown(folder, rounds, others, base, limit_px, whose)
     entries = gallery.entries(every, limit_px, photo_px)
-    after = gallery.afters(every, tried, names.get(reference, reference))
+    rounds_of = names.get(reference, reference)
+    after = gallery.afters(every, tried, rounds_of, of_one_model=of_one)
     images = pictures.fitted(every)
     there = [one for one in every if one.key in images]
     data = {

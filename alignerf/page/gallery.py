@@ -273,11 +273,12 @@ def strip(photos, limit_px):
     return {"bars": bars, "limit": STRIP_HEIGHT * limit_px / max_px, "most": max_px}
 
 
-def afters(every, tried, reference=""):
+def afters(every, tried, reference="", *, of_one_model=True):
     """Layers of renders after a fix, the headline's first, then what gained most.
 
     every: `Shown`s. tried: the verdict's; without them, the last is first. reference:
-    the method of the rounds.
+    the method of the rounds. of_one_model: else the headline's may be of another than
+    what is shown before it.
     """
     names = dict.fromkeys(name for one in every for name in list(one.renders)[1:])
     rounds = [name for name in names if not name.startswith("render,")]
@@ -285,7 +286,7 @@ def afters(every, tried, reference=""):
     for one in tried:
         # Of several rounds the last is shown.
         own = rounds if one["method"] == reference else [f"render, {one['method']}"]
-        gained |= dict.fromkeys(own, (one["in_headline"], one["db"]))
+        gained |= dict.fromkeys(own, (of_one_model and one["in_headline"], one["db"]))
     worst = False, -np.inf
     return sorted(names, key=lambda name: gained.get(name, worst))[::-1]
 
