@@ -143,12 +143,12 @@ def of_view(view: View, others) -> Found:
     render = alike(view.render.astype(np.float32), own)
     off, left = (np.abs(own - one).mean(axis=-1) for one in (agreed, render))
     apart = parts(
-        *(own, agreed, known, spread),
+        *(own, agreed, off, known, spread),
         lambda total: total(left) > UNLIKE_RENDER * total(off),
     )
     counts = view.counts & view.learned
     lacked = parts(
-        *(own, render, counts, 0),
+        *(own, render, left, counts, 0),
         lambda total: (
             (total(known) > MIN_SEEN * total(counts))
             & (total(off * known) > UNLIKE_OTHERS * total(left * known))
@@ -180,13 +180,13 @@ def opened(seen):
     return cv2.morphologyEx(seen.astype(np.uint8), cv2.MORPH_OPEN, disc)
 
 
-def parts(own, other, known, spread, is_told):
+def parts(own, other, off, known, spread, is_told):
     """[h, w] bool: where a photo shows something else than another picture, no shadow.
 
-    own, other [h, w, 3], known [h, w]. spread [h, w]: by how much the other is unsure.
+    own, other [h, w, 3]; off [h, w]: levels that they are apart by, where `known`
+    [h, w]; spread [h, w]: by how much the other is unsure.
     is_told: (function that sums [h, w] over each part) -> [parts] bool: which count.
     """
-    off = np.abs(own - other).mean(axis=-1)
     usual = np.percentile(off[known], 75) if known.any() else np.inf
     weak, strong = (
         opened(known & (off > np.maximum(max(levels, spreads * usual), times * spread)))

@@ -21,8 +21,7 @@ def find(e):
 
     No warping where photos were warped in vain.
     """
-    tried = remedies.warped_in_vain(e) or remedies.advise(e)
-    advice = "" if e.judged else tried
+    advice = "" if e.judged else remedies.warped_in_vain(e) or remedies.advise(e)
     if misalignment.is_scattered(e):
         px, limit_px = misalignment.scatter_px(e), misalignment.scatter_limit_px(e)
         said = f"points that several photos show lie {base.length(px)} from where any "

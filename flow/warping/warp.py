@@ -141,7 +141,7 @@ def unoccluded(flow_px, depth, *, tolerance=OCCLUSION_TOLERANCE):
     return visible
 
 
-def invert(flow_px, *, kernel="lanczos", iterations=30, tolerance_px=ROUND_TRIP_PX):
+def invert(flow_px, *, iterations=30, tolerance_px=ROUND_TRIP_PX):
     """Inverse [h, w, 2] of a flow, and the mask [h, w] where it is one.
 
     g = -f(y + g) by fixed-point iteration, which converges where neighbouring flows
@@ -156,21 +156,20 @@ def invert(flow_px, *, kernel="lanczos", iterations=30, tolerance_px=ROUND_TRIP_
         inverse_px = -_sample(flow_px, _positions(inverse_px), "bilinear")
     # Displacements, not positions: float32 holds them finely far from the origin,
     # and the border's rule makes no error of them.
-    returned_px = _sample(flow_px, _positions(inverse_px), kernel) + inverse_px
+    returned_px = _sample(flow_px, _positions(inverse_px), "lanczos") + inverse_px
     valid = np.linalg.norm(returned_px, axis=-1) < tolerance_px
     return inverse_px, valid & in_frame(inverse_px)
 
 
-def round_trip(photo, flow_px, *, kernel="lanczos"):
+def round_trip(photo, flow_px):
     """The resample-only control: the photo warped by the flow and back [h, w, 3].
 
     Nothing is displaced (by more than ROUND_TRIP_PX), only the interpolation acts,
     so its metrics against a render minus the photo's are what interpolation alone
     earns. Where the flow has no inverse the photo's own pixel stays.
     """
-    inverse_px, valid = invert(flow_px, kernel=kernel)
-    there = warp(photo, flow_px, kernel=kernel)
-    back = warp(there, inverse_px, kernel=kernel)
+    inverse_px, valid = invert(flow_px)
+    back = warp(warp(photo, flow_px), inverse_px)
     return np.where(valid[..., None], back, photo)
 
 

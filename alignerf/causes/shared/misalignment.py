@@ -102,16 +102,21 @@ def corrected(m):
 def poses_off(e):
     """Whether matches say that the cameras in use are off."""
     m = e.matches
-    if not m or m.applied or not corrected(m):
-        return False
-    return not is_scattered(e) or m.after_px < LEFT * m.before_px
+    told = bool(m and corrected(m) and not m.applied)
+    return told and (takes_most(m) or not is_scattered(e))
+
+
+def takes_most(m):
+    """Whether an adjustment takes most of the matches' error away: `base.Matches`."""
+    return m.after_px < LEFT * m.before_px
 
 
 def scatter_px(e):
     """What the best cameras that were tried leave of the matches' error; or NaN."""
-    m = e.matches
-    lenses = [one.after_px for one in (m.lens, m.left) if one] if m else []
-    return min([m.before_px, m.after_px, *lenses]) if m else math.nan
+    if not (m := e.matches):
+        return math.nan
+    lenses = (one.after_px for one in (m.lens, m.left) if one)
+    return min(m.before_px, m.after_px, *lenses)
 
 
 def scatter_limit_px(e):
@@ -121,8 +126,7 @@ def scatter_limit_px(e):
 
 def is_scattered(e):
     """Whether points that photos share fit no cameras: they have moved."""
-    moved = e.moved_fraction > SCATTER_MOVED
-    return moved and scatter_px(e) > scatter_limit_px(e)
+    return e.moved_fraction > SCATTER_MOVED and scatter_px(e) > scatter_limit_px(e)
 
 
 def explained_by_poses(e):
@@ -130,7 +134,7 @@ def explained_by_poses(e):
 
     A lens that was left out leaves them 0.5 of it, poses off by 3 px 0.07 to 0.2.
     """
-    return poses_off(e) and e.matches.after_px < LEFT * e.matches.before_px
+    return poses_off(e) and takes_most(e.matches)
 
 
 def is_sharp(e):
